@@ -1,0 +1,1 @@
+//! Shared statistics for the cross-crate tests.
