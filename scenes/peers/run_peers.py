@@ -1,0 +1,261 @@
+#!/usr/bin/env python3
+"""Render the peer scenes with Pileus, Mitsuba 3 and Cycles in one sitting and compare seconds and error.
+
+    python run_peers.py --pileus target/release/pileus \\
+        --mitsuba-python VENV/bin/python --cycles-python VENV/bin/python --peer-scripts DIR \\
+        --scenes cumulus_small cumulus arnold_smoke --spp 16 --repeats 3 --out OUTDIR
+
+A renderer takes part when its option is given. The jobs beside this file are the only description of the scenes: the
+peers' scene files are made from them. DIR holds mitsuba_render.py (with vdb_dump.py) and cycles_render.py.
+Run with a Python that has numpy and either OpenEXR or mitsuba (both read the images).
+
+Every repeat renders every scene with every renderer, the order of renderers turning by one each time, so that a machine
+that slows down slows all of them. Repeat r uses seed SEED + r.
+
+seconds   what the renderer itself reports for sampling alone; loading and building are in `setup_seconds`
+          (Pileus: load + build; Mitsuba: file and scene; Cycles: its synchronisation)
+relmse    mean over pixels and channels of (x - ref)^2 / (ref^2 + 0.01), less the reference's own variance
+          mean(var / (ref^2 + 0.01)); empty where there is no reference
+e_x_t     relmse x seconds: lower is better; hardly depends on the sample count
+mean_off  mean of the image / mean of the reference - 1: shows a bias or another convention
+OUTDIR gets peers.csv (one row a render), peers.md (medians) and the images.
+"""
+import argparse
+import csv
+import json
+import os
+import platform
+import statistics
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+
+HERE = Path(__file__).resolve().parent
+RENDERERS = ("pileus", "mitsuba", "cycles")
+FIELDS = ("scene", "renderer", "version", "spp", "seconds", "relmse", "e_x_t", "repeat", "setup_seconds", "mean_off")
+
+
+def read_exr(path):
+    """The R, G and B channels as float64, shape (height, width, 3)."""
+    try:
+        import OpenEXR
+    except ImportError:
+        import mitsuba as mi
+        if mi.variant() is None:
+            mi.set_variant("scalar_rgb")
+        bitmap = mi.Bitmap(str(path))
+        names = [bitmap.struct_()[i].name for i in range(bitmap.channel_count())]
+        data = np.array(bitmap.convert(component_format=mi.Struct.Type.Float32, srgb_gamma=False), dtype=np.float64)
+        return data[..., [names.index(c) for c in "RGB"]]
+    with OpenEXR.File(str(path), separate_channels=True) as f:
+        channels = f.channels()
+        return np.stack([np.asarray(channels[c].pixels, dtype=np.float64) for c in "RGB"], axis=-1)
+
+
+def only(values, what, name):
+    if len(values) != 1:
+        raise SystemExit(f"{name}: the peers take exactly one {what}, the job has {len(values)}")
+    return values[0]
+
+
+def triple(v):
+    return [float(v)] * 3 if np.isscalar(v) else [float(x) for x in v]
+
+
+def grey(job):
+    return len(set(triple(only(job["volumes"], "volume", "job").get("extinction", 1.0)))) == 1
+
+
+def peer_scene(name, job, assets, spp, threads):
+    """A Pileus job in the keys of the peers' scripts."""
+    v = only(job["volumes"], "volume", name)
+    suns = [x for x in job["lights"] if x["type"] == "sun"]
+    skies = [x for x in job["lights"] if x["type"] == "environment"]
+    cam, sun, sky = job["camera"], only(suns, "sun", name), only(skies, "environment", name)
+    vdb = assets / Path(v["vdb"]).name if assets else (HERE / v["vdb"]).resolve()
+    scene = {
+        "vdb": str(vdb), "grid": v["density"]["grid"], "density_scale": v["density"]["scale"],
+        "albedo": triple(v["albedo"]), "g": v["phase"].get("g", 0.0),
+        "camera": {"position": cam["position"], "look_at": cam["look_at"], "up": cam["up"], "fov_y_deg": cam["fov_y"]},
+        "resolution": job["film"]["resolution"],
+        "sun": {"direction": sun["to_light"], "irradiance": sun["irradiance"], "direction_is": "to_light"},
+        "env": {"radiance": sky["radiance"]},
+        "spp": spp, "max_bounces": job["sampling"]["max_bounces"], "threads": threads,
+    }
+    if not grey(job) or triple(v.get("extinction", 1.0)) != [1.0] * 3:
+        scene["sigma_t_rgb"] = triple(v["extinction"])
+    return scene
+
+
+def call(cmd, log):
+    """Run, keep everything printed in a log file, return standard output."""
+    r = subprocess.run([str(c) for c in cmd], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    log.write_text(r.stdout)
+    if r.returncode != 0:
+        raise RuntimeError(f"{Path(str(cmd[0])).name} ended with {r.returncode}: {r.stdout.strip()[-400:]}")
+    return r.stdout
+
+
+def last_json(text, start):
+    for line in reversed(text.splitlines()):
+        if line.startswith(start):
+            return json.loads(line[line.index("{"):])
+    raise RuntimeError("no result line in the renderer's output")
+
+
+def run_pileus(o, job_file, job, scene_file, out, spp, seed):
+    if o.assets:      # the job's volumes from another folder
+        job = json.loads(json.dumps(job))
+        for v in job["volumes"]:
+            v["vdb"] = str(o.assets / Path(v["vdb"]).name)
+        job_file = out.with_suffix(".job.json")
+        job_file.write_text(json.dumps(job, indent=1))
+    named = job.get("output", {}).get("stats")
+    stats = job_file.parent / named if named else out.with_suffix(".stats.json")
+    stats.unlink(missing_ok=True)
+    call([o.pileus, "render", job_file, "--spp", spp, "--threads", o.threads, "--seed", seed, "-o", out, "-q"],
+         out.with_suffix(".log"))
+    s = json.loads(stats.read_text())
+    t = s["seconds"]
+    return s.get("version", ""), t["render"], t.get("load", 0.0) + t.get("build", 0.0)
+
+
+def run_mitsuba(o, job_file, job, scene_file, out, spp, seed):
+    # volpath is the faster one, but only volpathmis copes with an extinction that differs between channels
+    integrator = "volpath" if grey(job) else "volpathmis"
+    cmd = [o.mitsuba_python, o.peer_scripts / "mitsuba_render.py", scene_file, out, "--variant", o.mitsuba_variant,
+           "--integrator", integrator, "--spp", spp, "--threads", o.threads, "--seed", seed]
+    if o.vdb_python:
+        cmd += ["--vdb-python", o.vdb_python]
+    s = last_json(call(cmd, out.with_suffix(".log")), "{")
+    if s["spp"] != spp:
+        raise RuntimeError(f"{s['spp']} samples instead of {spp}")
+    return f"{s['mitsuba']} {s['variant']} {s['integrator']}", s["render_s"], s["load_s"]
+
+
+def run_cycles(o, job_file, job, scene_file, out, spp, seed):
+    cmd = [o.cycles_python, o.peer_scripts / "cycles_render.py", scene_file, out, "--spp", spp, "--threads", o.threads,
+           "--seed", seed]
+    s = last_json(call(cmd, out.with_suffix(".log")), "CYCLES ")
+    return f"{s['blender']} {s['mode']}", s["render_s"], s["sync_s"]
+
+
+RUN = {"pileus": run_pileus, "mitsuba": run_mitsuba, "cycles": run_cycles}
+
+
+def errors(image, refs, name):
+    """relMSE and relative offset of the mean, or two None without a reference."""
+    ref_file, var_file = refs / f"{name}.exr", refs / f"{name}.var.exr"
+    if not ref_file.is_file():
+        return None, None
+    ref, var, x = read_exr(ref_file), read_exr(var_file), read_exr(image)
+    if x.shape != ref.shape:
+        raise RuntimeError(f"image is {x.shape}, reference {ref.shape}")
+    if not np.isfinite(x).all():
+        raise RuntimeError("image has values that are not finite")
+    weight = 1.0 / (ref ** 2 + 0.01)
+    return float(np.mean(((x - ref) ** 2 - var) * weight)), float(x.mean() / ref.mean() - 1.0)
+
+
+def show(v, digits=3):
+    return "-" if v is None else f"{v:.{digits}g}"
+
+
+def median(rows, key):
+    values = [r[key] for r in rows if r[key] is not None]
+    return statistics.median(values) if values else None
+
+
+def markdown(rows, o, load, failures):
+    out = ["| scene | renderer | version | spp | seconds | set-up s | relMSE | **e x t** | mean off | e x t / best |",
+           "| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |"]
+    for scene in o.scenes:
+        groups = [(name, [r for r in rows if r["scene"] == scene and r["renderer"] == name]) for name in RENDERERS]
+        groups = [(name, g) for name, g in groups if g]
+        scores = [m for m in (median(g, "e_x_t") for _, g in groups) if m is not None and m > 0.0]
+        for name, g in groups:
+            m = {k: median(g, k) for k in ("seconds", "setup_seconds", "relmse", "e_x_t", "mean_off")}
+            ratio = m["e_x_t"] / min(scores) if scores and m["e_x_t"] is not None else None
+            off = "-" if m["mean_off"] is None else f"{100 * m['mean_off']:+.3f} %"
+            out.append(f"| {scene} | {name} | {g[0]['version']} | {o.spp} | {show(m['seconds'])} | {show(m['setup_seconds'])} "
+                       f"| {show(m['relmse'])} | **{show(m['e_x_t'])}** | {off} | {show(ratio)} |")
+    out += ["", f"Medians of {o.repeats} interleaved repeats, {o.threads} threads on {os.cpu_count()} cores "
+            f"({platform.machine()}); load average of the machine before the first render {load:.2f}."]
+    out += [f"Failed: {f}" for f in failures]
+    return "\n".join(out) + "\n"
+
+
+def main():
+    known = sorted(p.stem for p in HERE.glob("*.json"))
+    ap = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    ap.add_argument("--pileus", type=Path, help="the pileus program")
+    ap.add_argument("--mitsuba-python", type=Path, help="a Python that has mitsuba and numpy")
+    ap.add_argument("--cycles-python", type=Path, help="a Python that has bpy")
+    ap.add_argument("--peer-scripts", type=Path, help="folder of mitsuba_render.py, vdb_dump.py and cycles_render.py")
+    ap.add_argument("--vdb-python", help="a Python that has OpenVDB, for vdb_dump.py (default: that script's own)")
+    ap.add_argument("--mitsuba-variant", default="scalar_rgb")
+    ap.add_argument("--assets", type=Path, help="folder of the volumes (default: where the jobs say)")
+    ap.add_argument("--refs", type=Path, default=HERE.parent.parent / "tests" / "data" / "peers", help="folder of the references")
+    ap.add_argument("--scenes", nargs="+", default=["cumulus_small", "cumulus", "arnold_smoke"], choices=known, metavar="SCENE",
+                    help="of " + " ".join(known))
+    ap.add_argument("--renderers", nargs="+", choices=RENDERERS, help="default: all whose option is given")
+    ap.add_argument("--spp", type=int, default=16)
+    ap.add_argument("--repeats", type=int, default=3)
+    ap.add_argument("--threads", type=int, default=2)
+    ap.add_argument("--seed", type=int, default=0)
+    ap.add_argument("--out", type=Path, required=True, help="folder for table, CSV and images")
+    o = ap.parse_args()
+    needs = {"pileus": (o.pileus,), "mitsuba": (o.mitsuba_python, o.peer_scripts), "cycles": (o.cycles_python, o.peer_scripts)}
+    chosen = o.renderers or [r for r in RENDERERS if all(needs[r])]
+    for r in chosen:
+        if not all(needs[r]):
+            ap.error(f"{r} needs its program" + ("" if r == "pileus" else f" (--{r}-python) and --peer-scripts"))
+    if not chosen:
+        ap.error("no renderer: give --pileus, --mitsuba-python or --cycles-python")
+    if o.assets:
+        o.assets = o.assets.resolve()
+    o.out.mkdir(parents=True, exist_ok=True)
+    o.out = o.out.resolve()
+
+    load = os.getloadavg()[0]
+    rows, failures = [], []
+    for repeat in range(o.repeats):
+        for scene in o.scenes:
+            job_file = HERE / f"{scene}.json"
+            job = json.loads(job_file.read_text())
+            turn = repeat % len(chosen)
+            for name in chosen[turn:] + chosen[:turn]:
+                if name == "cycles" and not grey(job):
+                    continue      # its script knows one extinction for all channels
+                out = o.out / f"{scene}.{name}.{repeat}.exr"
+                scene_file = o.out / f"{scene}.{name}.{repeat}.scene.json"
+                try:
+                    out.unlink(missing_ok=True)
+                    if name != "pileus":
+                        scene_file.write_text(json.dumps(peer_scene(scene, job, o.assets, o.spp, o.threads), indent=1))
+                    version, seconds, setup = RUN[name](o, job_file, job, scene_file, out, o.spp, o.seed + repeat)
+                    relmse, off = errors(out, o.refs, scene)
+                except (RuntimeError, OSError, KeyError, ValueError) as e:
+                    failures.append(f"{scene} {name} repeat {repeat}: {e!r}")
+                    print(failures[-1], file=sys.stderr, flush=True)
+                    continue
+                row = {"scene": scene, "renderer": name, "version": version, "spp": o.spp, "seconds": seconds, "relmse": relmse,
+                       "e_x_t": None if relmse is None else relmse * seconds, "repeat": repeat,
+                       "setup_seconds": setup, "mean_off": off}
+                rows.append(row)
+                print(f"{scene} {name} repeat {repeat}: {seconds:.3f} s, relMSE {show(relmse, 4)}, e x t {show(row['e_x_t'], 4)}, "
+                      f"load {os.getloadavg()[0]:.2f}", flush=True)
+                with open(o.out / "peers.csv", "w", newline="") as f:
+                    w = csv.DictWriter(f, FIELDS)
+                    w.writeheader()
+                    w.writerows({k: "" if v is None else v for k, v in r.items()} for r in rows)
+    table = markdown(rows, o, load, failures)
+    (o.out / "peers.md").write_text(table)
+    print(table)
+    sys.exit(1 if failures or not rows else 0)
+
+
+if __name__ == "__main__":
+    main()
