@@ -89,6 +89,11 @@ def peer_scene(name, job, assets, spp, threads):
     return scene
 
 
+def program(path):
+    """A path as it is named (links kept, a virtual environment's Python is one), a bare name from PATH."""
+    return path.absolute() if path and path.exists() else path
+
+
 def call(cmd, log):
     """Run, keep everything printed in a log file, return standard output."""
     r = subprocess.run([str(c) for c in cmd], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
@@ -168,7 +173,7 @@ def median(rows, key):
     return statistics.median(values) if values else None
 
 
-def markdown(rows, o, load, failures):
+def markdown(rows, o, loads, failures):
     out = ["| scene | renderer | version | spp | seconds | set-up s | relMSE | **e x t** | mean off | e x t / best |",
            "| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |"]
     for scene in o.scenes:
@@ -182,7 +187,7 @@ def markdown(rows, o, load, failures):
             out.append(f"| {scene} | {name} | {g[0]['version']} | {o.spp} | {show(m['seconds'])} | {show(m['setup_seconds'])} "
                        f"| {show(m['relmse'])} | **{show(m['e_x_t'])}** | {off} | {show(ratio)} |")
     out += ["", f"Medians of {o.repeats} interleaved repeats, {o.threads} threads on {os.cpu_count()} cores "
-            f"({platform.machine()}); load average of the machine before the first render {load:.2f}."]
+            f"({platform.machine()}); load average of the machine {loads[0]:.2f} before the first render, {max(loads):.2f} at most."]
     out += [f"Failed: {f}" for f in failures]
     return "\n".join(out) + "\n"
 
@@ -214,12 +219,13 @@ def main():
             ap.error(f"{r} needs its program" + ("" if r == "pileus" else f" (--{r}-python) and --peer-scripts"))
     if not chosen:
         ap.error("no renderer: give --pileus, --mitsuba-python or --cycles-python")
+    o.pileus, o.mitsuba_python, o.cycles_python = (program(x) for x in (o.pileus, o.mitsuba_python, o.cycles_python))
     if o.assets:
         o.assets = o.assets.resolve()
     o.out.mkdir(parents=True, exist_ok=True)
     o.out = o.out.resolve()
 
-    load = os.getloadavg()[0]
+    loads = [os.getloadavg()[0]]
     rows, failures = [], []
     for repeat in range(o.repeats):
         for scene in o.scenes:
@@ -245,13 +251,14 @@ def main():
                        "e_x_t": None if relmse is None else relmse * seconds, "repeat": repeat,
                        "setup_seconds": setup, "mean_off": off}
                 rows.append(row)
+                loads.append(os.getloadavg()[0])
                 print(f"{scene} {name} repeat {repeat}: {seconds:.3f} s, relMSE {show(relmse, 4)}, e x t {show(row['e_x_t'], 4)}, "
-                      f"load {os.getloadavg()[0]:.2f}", flush=True)
+                      f"load {loads[-1]:.2f}", flush=True)
                 with open(o.out / "peers.csv", "w", newline="") as f:
                     w = csv.DictWriter(f, FIELDS)
                     w.writeheader()
                     w.writerows({k: "" if v is None else v for k, v in r.items()} for r in rows)
-    table = markdown(rows, o, load, failures)
+    table = markdown(rows, o, loads, failures)
     (o.out / "peers.md").write_text(table)
     print(table)
     sys.exit(1 if failures or not rows else 0)
