@@ -1,1 +1,33 @@
-//! Placeholder.
+#![doc = include_str!("../README.md")]
+#![forbid(unsafe_code)]
+
+mod atomic;
+mod checksum;
+mod error;
+mod exr_read;
+mod exr_write;
+mod film;
+mod filter;
+mod image;
+mod moments;
+mod preview;
+mod state;
+mod tile;
+mod tone;
+mod turns;
+
+pub use crate::atomic::write_atomically;
+pub use crate::error::Error;
+pub use crate::exr_read::read_exr;
+pub use crate::exr_write::{ExrCompression, ExrReport, ExrSettings, write_exr};
+pub use crate::film::{Crop, Film, MAX_PIXELS};
+pub use crate::filter::Filter;
+pub use crate::image::{Channel, Image, MAX_CHANNELS, MAX_SAMPLES, MetaValue, Window};
+pub use crate::moments::{
+    ALPHA_LIMIT, ALPHA_QUANTUM, PixelMoments, PixelSample, RADIANCE_LIMIT, RADIANCE_QUANTUM,
+    SQUARE_QUANTUM,
+};
+pub use crate::preview::{preview_rgb8, write_png};
+pub use crate::state::{MAX_STATE_HEADER, STATE_VERSION};
+pub use crate::tile::Tile;
+pub use crate::tone::{Curve, ToneMap, srgb_decode, srgb_encode};

@@ -1,0 +1,177 @@
+//! The film as a file: slices of a split render and checkpoints of a long one.
+//!
+//! Layout, little endian:
+//!
+//! | bytes | content |
+//! | --- | --- |
+//! | 8 | `PILEUSFM` |
+//! | 4 | version, 1 |
+//! | 4 | length of the header, at most [`MAX_STATE_HEADER`] |
+//! | n | header: the caller's bytes, which tell what job and which samples these are |
+//! | 24 | resolution and crop window (x0, y0, width, height) |
+//! | 16 | samples per pixel, dropped samples |
+//! | 128 a pixel | sums of the crop window, row by row |
+//! | 8 | CRC-64/XZ of all of the above |
+
+use std::fs::File;
+use std::io::{self, BufReader, Read, Write};
+use std::path::Path;
+
+use crate::atomic::write_atomically;
+use crate::checksum::Summed;
+use crate::error::Error;
+use crate::film::{Crop, Film};
+use crate::moments::{PIXEL_BYTES, PixelMoments};
+
+/// Version that [`Film::write_state`] writes and [`Film::read_state`] reads.
+pub const STATE_VERSION: u32 = 1;
+/// Most bytes of the caller's header, 1 MiB.
+pub const MAX_STATE_HEADER: usize = 1 << 20;
+
+const MAGIC: [u8; 8] = *b"PILEUSFM";
+/// Pixels allocated ahead of the bytes that prove them: 1 MiB.
+const PIXELS_AHEAD: usize = (1 << 20) / PIXEL_BYTES;
+const STREAM: &str = "film state";
+
+impl Film {
+    /// Writes the exact sums, preceded by the caller's `header` (what job this is part of).
+    ///
+    /// 128 bytes a pixel; the writer should be buffered.
+    ///
+    /// # Errors
+    /// A header above [`MAX_STATE_HEADER`], or what the writer answers.
+    pub fn write_state(&self, writer: impl Write, header: &[u8]) -> Result<(), Error> {
+        check_header_length(header.len())?;
+        self.put_state(writer, header).map_err(|source| Error::Io {
+            place: STREAM.into(),
+            action: "write it",
+            source,
+        })
+    }
+
+    fn put_state(&self, writer: impl Write, header: &[u8]) -> io::Result<()> {
+        let mut out = Summed::new(writer);
+        out.put(&MAGIC)?;
+        out.put(&STATE_VERSION.to_le_bytes())?;
+        out.put(&(header.len() as u32).to_le_bytes())?;
+        out.put(header)?;
+        let Crop { x0, y0, width, height } = self.crop();
+        let [full_width, full_height] = self.resolution();
+        for v in [full_width, full_height, x0, y0, width, height] {
+            out.put(&v.to_le_bytes())?;
+        }
+        out.put(&self.samples().to_le_bytes())?;
+        out.put(&self.dropped().to_le_bytes())?;
+        for pixel in self.pixels() {
+            out.put(&pixel.to_bytes())?;
+        }
+        let crc = out.crc.value();
+        out.stream.write_all(&crc.to_le_bytes())?;
+        out.stream.flush()
+    }
+
+    /// Reads what [`Self::write_state`] wrote: the film, equal bit for bit, and the header.
+    ///
+    /// Memory grows with the bytes that were really read, so that a broken length cannot exhaust
+    /// it. The reader should be buffered; bytes after the state are left unread.
+    ///
+    /// # Errors
+    /// Not a film state, another version, sizes out of range, a stream that ends early, a wrong
+    /// checksum.
+    pub fn read_state(reader: impl Read) -> Result<(Self, Vec<u8>), Error> {
+        let mut input = Summed::new(reader);
+        let magic: [u8; 8] = input.get().map_err(broken)?;
+        if magic != MAGIC {
+            return Err(Error::invalid(
+                STREAM,
+                "this is not a film state",
+                "give a slice or checkpoint that this program wrote",
+            ));
+        }
+        let version = get_u32(&mut input)?;
+        if version != STATE_VERSION {
+            return Err(Error::Unsupported {
+                place: STREAM.into(),
+                problem: format!("film state version {version}"),
+                remedy: "use the release of the program that wrote it, or render anew",
+            });
+        }
+        let length = get_u32(&mut input)? as usize;
+        check_header_length(length)?;
+        let mut header = vec![0; length];
+        input.fill(&mut header).map_err(broken)?;
+
+        let resolution = [get_u32(&mut input)?, get_u32(&mut input)?];
+        let crop = Crop {
+            x0: get_u32(&mut input)?,
+            y0: get_u32(&mut input)?,
+            width: get_u32(&mut input)?,
+            height: get_u32(&mut input)?,
+        };
+        let samples = u64::from_le_bytes(input.get().map_err(broken)?);
+        let dropped = u64::from_le_bytes(input.get().map_err(broken)?);
+        let mut film = Self::without_pixels(resolution, Some(crop))?;
+        film.set_counters(samples, dropped);
+        let count = film.pixel_count();
+        for i in 0..count {
+            if i % PIXELS_AHEAD == 0 {
+                // Doubling at least, so that copies stay linear.
+                film.reserve(PIXELS_AHEAD.max(i).min(count - i))?;
+            }
+            let bytes: [u8; PIXEL_BYTES] = input.get().map_err(broken)?;
+            film.push_pixel(PixelMoments::from_bytes(&bytes));
+        }
+        let expected = input.crc.value();
+        let mut stored = [0; 8];
+        input.stream.read_exact(&mut stored).map_err(broken)?;
+        if u64::from_le_bytes(stored) != expected {
+            return Err(Error::invalid(
+                STREAM,
+                "the checksum does not fit the content",
+                "the file is damaged: copy or render it anew",
+            ));
+        }
+        Ok((film, header))
+    }
+
+    /// [`Self::write_state`] to a file, written beside it and renamed.
+    ///
+    /// # Errors
+    /// As [`Self::write_state`] and [`write_atomically`], naming the file.
+    pub fn save_state(&self, path: &Path, header: &[u8]) -> Result<(), Error> {
+        check_header_length(header.len()).map_err(|e| e.in_file(path))?;
+        write_atomically(path, |writer| self.put_state(writer, header))
+    }
+
+    /// [`Self::read_state`] from a file.
+    ///
+    /// # Errors
+    /// As [`Self::read_state`], naming the file.
+    pub fn load_state(path: &Path) -> Result<(Self, Vec<u8>), Error> {
+        let file = File::open(path).map_err(|e| Error::open(path, e))?;
+        Self::read_state(BufReader::with_capacity(1 << 18, file)).map_err(|e| e.in_file(path))
+    }
+}
+
+fn get_u32(input: &mut Summed<impl Read>) -> Result<u32, Error> {
+    Ok(u32::from_le_bytes(input.get().map_err(broken)?))
+}
+
+fn check_header_length(length: usize) -> Result<(), Error> {
+    if length > MAX_STATE_HEADER {
+        return Err(Error::too_large(
+            STREAM,
+            format!("a header of {length} bytes exceeds the limit of 1 MiB"),
+            "shorten what describes the job; in a file that was read: it is damaged",
+        ));
+    }
+    Ok(())
+}
+
+fn broken(source: io::Error) -> Error {
+    if source.kind() == io::ErrorKind::UnexpectedEof {
+        Error::invalid(STREAM, "it ends early", "the file is cut off: copy or render it anew")
+    } else {
+        Error::Io { place: STREAM.into(), action: "read it", source }
+    }
+}

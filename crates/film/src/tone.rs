@@ -1,0 +1,105 @@
+//! From linear radiance to display values: exposure, tone curve, sRGB transfer.
+//!
+//! The filmic curve is AgX by Troy Sobotka (2022), whose picture formation keeps the hue of a blue
+//! sky and lets bright cloud tops run softly into white. Numbers are those of the polynomial fit by
+//! Benjamin Wrensch, "Minimal AgX Implementation" (2023): inset matrix, log2 encoding from -12.47
+//! to +4.03 stops around middle grey, a sixth-order sigmoid (largest error 0.003), the look
+//! "punchy" tempered (see [`LOOK_POWER`]), outset matrix.
+
+/// How radiance becomes a display value.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Curve {
+    /// AgX: soft shoulder and toe, white at 16.3 times middle grey (+4 stops).
+    #[default]
+    Filmic,
+    /// No curve: the sRGB transfer function, clipped at radiance 1.
+    Srgb,
+}
+
+/// Exposure and curve of a preview.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ToneMap {
+    /// Radiance is multiplied by two to this power; 0 leaves it.
+    pub exposure_stops: f32,
+    /// The curve after exposure.
+    pub curve: Curve,
+}
+
+/// Power of the look after the sigmoid; 1 is the neutral, flat AgX base and 1.35 its "punchy" look.
+const LOOK_POWER: f32 = 1.2;
+/// Saturation of the look; 1 and 1.4 likewise.
+const LOOK_SATURATION: f32 = 1.2;
+
+const INSET: [[f32; 3]; 3] = [
+    [0.842_479_06, 0.078_433_6, 0.079_223_745],
+    [0.042_328_242, 0.878_468_64, 0.079_166_13],
+    [0.042_375_655, 0.078_433_6, 0.879_143],
+];
+const OUTSET: [[f32; 3]; 3] = [
+    [1.196_879, -0.098_020_88, -0.099_029_74],
+    [-0.052_896_85, 1.151_903_1, -0.098_961_18],
+    [-0.052_971_635, -0.098_043_45, 1.151_073_7],
+];
+const MIN_STOPS: f32 = -12.473_93;
+const MAX_STOPS: f32 = 4.026_069;
+
+impl ToneMap {
+    /// Display values in `[0, 1]`, encoded for an sRGB display, of linear Rec. 709 radiance.
+    ///
+    /// NaN and negative radiance count as black, infinite as brightest. Monotone on greys.
+    pub fn apply(&self, rgb: [f32; 3]) -> [f32; 3] {
+        let gain = self.exposure_stops.exp2();
+        let exposed = rgb.map(|v| positive_up_to(v * gain, f32::MAX / 16.0));
+        match self.curve {
+            Curve::Filmic => agx(exposed),
+            Curve::Srgb => exposed.map(srgb_encode),
+        }
+    }
+
+    /// [`Self::apply`] rounded to 8 bits.
+    pub fn apply_rgb8(&self, rgb: [f32; 3]) -> [u8; 3] {
+        self.apply(rgb).map(|v| (v * 255.0).round() as u8)
+    }
+}
+
+fn agx(rgb: [f32; 3]) -> [f32; 3] {
+    let encoded = multiply(&INSET, rgb).map(|v| {
+        let stops = v.max(1e-10).log2().clamp(MIN_STOPS, MAX_STOPS);
+        sigmoid((stops - MIN_STOPS) / (MAX_STOPS - MIN_STOPS))
+    });
+    let powered = encoded.map(|v| v.powf(LOOK_POWER));
+    let luma = 0.2126 * powered[0] + 0.7152 * powered[1] + 0.0722 * powered[2];
+    let looked = powered.map(|v| luma + LOOK_SATURATION * (v - luma));
+    // The curve yields values for a display of pure gamma 2.2.
+    multiply(&OUTSET, looked).map(|v| srgb_encode(v.clamp(0.0, 1.0).powf(2.2)))
+}
+
+/// Wrensch's polynomial, clipped and scaled to reach 1 exactly.
+fn sigmoid(x: f32) -> f32 {
+    const COEFFICIENTS: [f32; 7] = [15.5, -40.14, 31.96, -6.868, 0.4298, 0.1191, -0.00232];
+    const AT_ONE: f32 = 0.998_58;
+    let value = COEFFICIENTS.iter().fold(0.0, |sum, c| sum * x + c);
+    (value / AT_ONE).clamp(0.0, 1.0)
+}
+
+fn multiply(matrix: &[[f32; 3]; 3], v: [f32; 3]) -> [f32; 3] {
+    matrix.map(|row| row[0] * v[0] + row[1] * v[1] + row[2] * v[2])
+}
+
+/// Clips to `[0, limit]`; NaN becomes 0, unlike with `clamp`.
+fn positive_up_to(v: f32, limit: f32) -> f32 {
+    if v > 0.0 { v.min(limit) } else { 0.0 }
+}
+
+/// Linear value to sRGB (IEC 61966-2-1), clipped to `[0, 1]`.
+pub fn srgb_encode(linear: f32) -> f32 {
+    let v = positive_up_to(linear, 1.0);
+    if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 }
+}
+
+/// sRGB (IEC 61966-2-1) to linear value, clipped to `[0, 1]`.
+pub fn srgb_decode(encoded: f32) -> f32 {
+    let v = positive_up_to(encoded, 1.0);
+    if v <= 0.040_45 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
+}
