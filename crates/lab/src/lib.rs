@@ -1,1 +1,17 @@
-//! Placeholder.
+#![doc = include_str!("../README.md")]
+#![forbid(unsafe_code)]
+
+mod block_z;
+mod compare;
+mod difference;
+mod error;
+mod flip;
+mod pair;
+
+pub use crate::block_z::{BlockZ, block_z_test};
+pub use crate::compare::{
+    CompareSettings, Comparison, ERROR_BLOCK, ErrorSource, REL_MSE_FLOOR, compare, compare_with,
+};
+pub use crate::difference::{difference_image, difference_view};
+pub use crate::error::Error;
+pub use crate::flip::{Flip, flip};
