@@ -1,1 +1,19 @@
-//! Placeholder.
+#![doc = include_str!("../README.md")]
+#![forbid(unsafe_code)]
+
+mod counters;
+mod error;
+mod lights;
+mod media;
+mod path;
+mod plan;
+mod render;
+mod sampler;
+mod settings;
+
+pub use counters::Counters;
+pub use error::Error;
+pub use plan::{Plan, PlannedVolume};
+pub use render::{Monitor, Unmonitored, render, sample_pixel};
+pub use sampler::PathSampler;
+pub use settings::{Distance, RenderSettings, Transmittance};

@@ -1,0 +1,274 @@
+//! Lights that next-event estimation can aim at, and the choice among them.
+
+use glam::{DVec3, Vec3};
+use pileus_media::phase::ISOTROPIC;
+use pileus_media::random::sin_cos_turn;
+use pileus_scene::{EnvironmentImage, Light, Scene};
+use std::sync::Arc;
+
+/// Luminance of linear Rec. 709.
+#[inline(always)]
+fn luminance(c: Vec3) -> f32 {
+    c.dot(Vec3::new(0.2126, 0.7152, 0.0722))
+}
+
+/// A light as sampled from a vertex in a medium.
+#[derive(Debug, Clone)]
+pub(crate) enum Target {
+    /// A delta direction.
+    Direction { to_light: Vec3, irradiance: Vec3, strength: f32 },
+    /// A disc of constant radiance at infinity.
+    Disc(Disc),
+    /// A position; the scene's light holds the angular law.
+    Position { light: Light, position: DVec3, strength: f32 },
+    /// What is bright in the environment image.
+    Image { image: Arc<EnvironmentImage>, strength: f32 },
+}
+
+/// A sun of finite size.
+#[derive(Debug, Clone)]
+pub(crate) struct Disc {
+    to_light: Vec3,
+    radiance: Vec3,
+    one_minus_cos: f32,
+    pdf: f32,
+    strength: f32,
+}
+
+impl Disc {
+    fn new(to_light: Vec3, irradiance: Vec3, angular_diameter: f32) -> Disc {
+        let radius = f64::from(0.5 * angular_diameter);
+        let one_minus_cos = 2.0 * (0.5 * radius).sin().powi(2);
+        // A plane that faces the sun sees the projected solid angle pi sin^2.
+        let projected = std::f64::consts::PI * radius.sin().powi(2);
+        Disc {
+            to_light,
+            radiance: (irradiance.as_dvec3() / projected).as_vec3(),
+            one_minus_cos: one_minus_cos as f32,
+            pdf: (1.0 / (std::f64::consts::TAU * one_minus_cos)) as f32,
+            strength: luminance(irradiance),
+        }
+    }
+
+    /// Whether a ray to infinity hits the disc.
+    #[inline(always)]
+    fn contains(&self, direction: Vec3) -> bool {
+        0.5 * (direction - self.to_light).length_squared() <= self.one_minus_cos
+    }
+
+    fn sample(&self, u: [f32; 2]) -> Vec3 {
+        let one_minus = u[0] * self.one_minus_cos;
+        let sin = (one_minus * (2.0 - one_minus)).sqrt();
+        let (sin_phi, cos_phi) = sin_cos_turn(u[1]);
+        let (x, y) = pileus_media::phase::basis(self.to_light);
+        (self.to_light * (1.0 - one_minus) + x * (sin * cos_phi) + y * (sin * sin_phi)).normalize()
+    }
+}
+
+/// A direction towards a light.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct LightSample {
+    pub(crate) wi: Vec3,
+    /// Distance to the light; infinite for distant ones.
+    pub(crate) distance: f64,
+    /// Radiance over the density of the direction; irradiance for delta lights.
+    pub(crate) weight: Vec3,
+    /// Density of the direction, 1/sr, for lights that a path can also run into; zero for delta lights.
+    pub(crate) pdf: f32,
+}
+
+/// All lights of a scene that shadow rays are sent to.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Lights {
+    targets: Vec<Target>,
+}
+
+/// A choice among the lights from one vertex.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Choice {
+    pub(crate) index: usize,
+    /// Probability of the choice.
+    pub(crate) probability: f32,
+    /// What all lights together may contribute, unshadowed, over what they would if scattering were isotropic.
+    pub(crate) importance: f32,
+}
+
+impl Lights {
+    pub(crate) fn new(scene: &Scene) -> Lights {
+        let mut targets = Vec::new();
+        for light in &scene.lights {
+            match light {
+                Light::Sun(sun) if luminance(sun.irradiance) <= 0.0 => {}
+                Light::Sun(sun) if sun.angular_diameter > 0.0 => targets.push(Target::Disc(
+                    Disc::new(sun.to_light, sun.irradiance, sun.angular_diameter),
+                )),
+                Light::Sun(sun) => targets.push(Target::Direction {
+                    to_light: sun.to_light,
+                    irradiance: sun.irradiance,
+                    strength: luminance(sun.irradiance),
+                }),
+                Light::Point(point) => targets.push(Target::Position {
+                    light: light.clone(),
+                    position: point.position,
+                    strength: luminance(point.intensity),
+                }),
+                Light::Spot(spot) => targets.push(Target::Position {
+                    light: light.clone(),
+                    position: spot.position,
+                    strength: luminance(spot.intensity),
+                }),
+                _ => {}
+            }
+        }
+        if let Some(image) = &scene.environment.image {
+            if image.sampled_power() > 0.0 {
+                let strength = image.sampled_power();
+                targets.push(Target::Image { image: Arc::clone(image), strength });
+            }
+        }
+        Lights { targets }
+    }
+
+    pub(crate) fn is_empty(&self) -> bool {
+        self.targets.is_empty()
+    }
+
+    pub(crate) fn len(&self) -> usize {
+        self.targets.len()
+    }
+
+    /// Whether a path can run into what shadow rays are sent to, so that both must be weighted.
+    pub(crate) fn need_mis(&self) -> bool {
+        self.targets.iter().any(|t| matches!(t, Target::Disc(_) | Target::Image { .. }))
+    }
+
+    /// Unshadowed contribution of a light, as scattered by `phase` (a value for a direction), and if scattering were isotropic.
+    #[inline(always)]
+    fn estimate(target: &Target, p: DVec3, phase: impl Fn(Vec3) -> f32) -> (f32, f32) {
+        match target {
+            Target::Direction { to_light, strength, .. } => {
+                (strength * phase(*to_light), strength * ISOTROPIC)
+            }
+            Target::Disc(disc) => (disc.strength * phase(disc.to_light), disc.strength * ISOTROPIC),
+            Target::Position { position, strength, .. } => {
+                let to = *position - p;
+                let distance2 = to.length_squared().max(1e-30);
+                let received = (f64::from(*strength) / distance2) as f32;
+                (received * phase((to / distance2.sqrt()).as_vec3()), received * ISOTROPIC)
+            }
+            Target::Image { strength, .. } => (strength * ISOTROPIC, strength * ISOTROPIC),
+        }
+    }
+
+    /// Chooses a light in proportion to what it may contribute; `None` if there is nothing to choose.
+    #[inline(always)]
+    pub(crate) fn choose(&self, p: DVec3, phase: impl Fn(Vec3) -> f32, u: f32) -> Option<Choice> {
+        if let [target] = self.targets.as_slice() {
+            let (estimate, isotropic) = Lights::estimate(target, p, &phase);
+            let importance = if isotropic > 0.0 { estimate / isotropic } else { 0.0 };
+            return (importance > 0.0).then_some(Choice { index: 0, probability: 1.0, importance });
+        }
+        // One pass of weighted reservoir sampling, reusing the random number.
+        let (mut total, mut isotropic, mut u) = (0.0f32, 0.0f32, u);
+        let (mut index, mut chosen) = (usize::MAX, 0.0f32);
+        for (i, target) in self.targets.iter().enumerate() {
+            let (estimate, iso) = Lights::estimate(target, p, &phase);
+            if !(estimate > 0.0) {
+                continue;
+            }
+            total += estimate;
+            isotropic += iso;
+            let share = estimate / total;
+            if u < share {
+                (index, chosen) = (i, estimate);
+                u /= share;
+            } else {
+                u = (u - share) / (1.0 - share);
+            }
+        }
+        (chosen > 0.0).then(|| Choice {
+            index,
+            probability: chosen / total,
+            importance: total / isotropic,
+        })
+    }
+
+    /// A direction towards light `index` from `p`.
+    #[inline(always)]
+    pub(crate) fn sample(&self, index: usize, p: DVec3, u: [f32; 2]) -> Option<LightSample> {
+        match &self.targets[index] {
+            Target::Direction { to_light, irradiance, .. } => Some(LightSample {
+                wi: *to_light,
+                distance: f64::INFINITY,
+                weight: *irradiance,
+                pdf: 0.0,
+            }),
+            Target::Disc(disc) => Some(LightSample {
+                wi: disc.sample(u),
+                distance: f64::INFINITY,
+                weight: disc.radiance / disc.pdf,
+                pdf: disc.pdf,
+            }),
+            Target::Position { light, position, .. } => {
+                let to = *position - p;
+                let distance = to.length();
+                if !(distance > 0.0) {
+                    return None;
+                }
+                let wi = (to / distance).as_vec3();
+                let intensity = match light {
+                    Light::Point(point) => point.intensity,
+                    Light::Spot(spot) => spot.intensity_toward(-wi),
+                    _ => Vec3::ZERO,
+                };
+                let weight = (intensity.as_dvec3() / (distance * distance)).as_vec3();
+                Some(LightSample { wi, distance, weight, pdf: 0.0 })
+            }
+            Target::Image { image, .. } => {
+                let sample = image.sample(u)?;
+                Some(LightSample {
+                    wi: sample.wi,
+                    distance: f64::INFINITY,
+                    weight: sample.radiance / sample.pdf,
+                    pdf: sample.pdf,
+                })
+            }
+        }
+    }
+
+    /// Calls `visit` for every light at infinity that an escaping ray meets and that shadow rays are also sent to: its radiance, its
+    /// density of sampling that direction and its unshadowed importance at the vertex the ray came from.
+    pub(crate) fn met_at_infinity(&self, direction: Vec3, mut visit: impl FnMut(usize, Vec3, f32)) {
+        for (index, target) in self.targets.iter().enumerate() {
+            match target {
+                Target::Disc(disc) if disc.contains(direction) => {
+                    visit(index, disc.radiance, disc.pdf);
+                }
+                Target::Image { image, .. } => {
+                    visit(index, image.radiance(direction), image.pdf(direction));
+                }
+                _ => {}
+            }
+        }
+    }
+
+    /// Probability with which [`Lights::choose`] picks light `index`.
+    pub(crate) fn probability(&self, index: usize, p: DVec3, phase: impl Fn(Vec3) -> f32) -> f32 {
+        let (mut total, mut own) = (0.0f32, 0.0f32);
+        for (i, target) in self.targets.iter().enumerate() {
+            let (estimate, _) = Lights::estimate(target, p, &phase);
+            if estimate > 0.0 {
+                total += estimate;
+                if i == index {
+                    own = estimate;
+                }
+            }
+        }
+        if total > 0.0 { own / total } else { 0.0 }
+    }
+
+    /// Radiance of an image that has nothing to sample for: it is left to path sampling alone.
+    pub(crate) fn covers_image(&self) -> bool {
+        self.targets.iter().any(|t| matches!(t, Target::Image { .. }))
+    }
+}

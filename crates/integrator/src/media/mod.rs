@@ -1,0 +1,82 @@
+//! The media of a scene as the path kernel sees them: free flights and transmittance, one implementation per kind of scene.
+
+mod overlapping;
+mod single_grey;
+
+pub(crate) use overlapping::Overlapping;
+pub(crate) use single_grey::SingleGrey;
+
+use glam::{DVec3, Vec3};
+use pileus_media::{Phase, Tally};
+use rand_core::Rng;
+
+/// A ray in the world; `direction` is a unit vector.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Ray {
+    pub(crate) origin: DVec3,
+    pub(crate) direction: Vec3,
+}
+
+impl Ray {
+    #[inline(always)]
+    pub(crate) fn at(&self, t: f64) -> DVec3 {
+        self.origin + self.direction.as_dvec3() * t
+    }
+}
+
+/// A real collision: where on the ray and in which medium.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Collision {
+    pub(crate) t: f64,
+    pub(crate) medium: usize,
+}
+
+/// What a free flight carries through its null collisions.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Flown {
+    /// Path throughput, albedo included.
+    pub(crate) beta: Vec3,
+    /// Probability of all null decisions since the flight began: the density of the same walk under light sampling, over its density
+    /// under path sampling, is one over this.
+    pub(crate) null_probability: f32,
+}
+
+/// What a shadow ray found.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Shadow {
+    /// Unbiased estimate of the transmittance per channel.
+    pub(crate) transmittance: Vec3,
+    /// Density of the same walk under path sampling over its density here, per channel of the throughput.
+    pub(crate) null_probability: Vec3,
+}
+
+impl Shadow {
+    pub(crate) const CLEAR: Shadow = Shadow { transmittance: Vec3::ONE, null_probability: Vec3::ONE };
+}
+
+/// All media of a scene.
+pub(crate) trait Media: Sync {
+    /// Flies to the next real collision; `None` when the ray escapes. `first`: stratified majorant depth of the first collision.
+    fn flight<R: Rng>(
+        &self,
+        ray: &Ray,
+        first: Option<f32>,
+        flown: &mut Flown,
+        rng: &mut R,
+        tally: &mut Tally,
+    ) -> Option<Collision>;
+
+    /// An estimate of the transmittance up to `t_max`. Walks whose product falls below `threshold` are played
+    /// roulette.
+    fn transmittance<R: Rng>(
+        &self,
+        ray: &Ray,
+        t_max: f64,
+        threshold: f32,
+        rng: &mut R,
+        tally: &mut Tally,
+    ) -> Shadow;
+
+    /// Phase function and albedo at a collision.
+    fn properties(&self, collision: &Collision, p_world: DVec3) -> (Phase, Vec3);
+}

@@ -1,0 +1,192 @@
+//! One path: the null-scattering path integral [Miller et al. 2019] by free flights, phase sampling and next-event estimation.
+//!
+//! Light that a path can only reach one way has weight one: delta lights by shadow rays, the constant part of the environment by escape.
+//! What both can reach (the bright part of an environment image, a sun's disc) is weighted by the balance heuristic over the
+//! densities of the whole null-scattering path. Both walks share the majorants, so all exponentials cancel: the ratio of the light
+//! sampling's density to the path sampling's is `p_light / (p_phase * product of null probabilities)`.
+
+use crate::counters::Counters;
+use crate::lights::Lights;
+use crate::media::{Flown, Media, Ray};
+use crate::sampler::PathSampler;
+use glam::{DVec3, Vec3};
+use pileus_film::PixelSample;
+use pileus_media::random::uniform;
+use pileus_media::{Phase, Tally};
+use pileus_scene::Environment;
+use rand_core::Rng;
+
+/// Throughput below which a path is played roulette.
+const ROULETTE_THROUGHPUT: f32 = 0.25;
+
+/// A shadow ray is certain if the lights' importance times the throughput is at least this; below it is played roulette. Importance
+/// one is what isotropic scattering gives.
+const SHADOW_IMPORTANCE: f32 = 1.0;
+
+/// Shadow walks whose product of transmittance and importance falls below this are played roulette.
+const SHADOW_ROULETTE: f32 = 0.1;
+
+/// What a kernel is compiled for and what it reads.
+pub(crate) struct Kernel<'a, M> {
+    pub(crate) media: M,
+    pub(crate) lights: &'a Lights,
+    pub(crate) environment: &'a Environment,
+    pub(crate) max_bounces: u32,
+}
+
+/// Where the last flight began, for the weights of light it may run into.
+struct Vertex {
+    p: DVec3,
+    phase: Phase,
+    /// Propagation direction before the scattering.
+    incoming: Vec3,
+    /// Density of the direction taken.
+    pdf: f32,
+}
+
+impl<M: Media> Kernel<'_, M> {
+    /// Traces one path. `MIS`: some light can be met both by shadow rays and by paths.
+    #[inline(always)]
+    pub(crate) fn trace<const MIS: bool>(
+        &self,
+        mut ray: Ray,
+        sampler: &mut PathSampler,
+        first: f32,
+        counters: &mut Counters,
+    ) -> PixelSample {
+        let mut tally = Tally::default();
+        let mut radiance = Vec3::ZERO;
+        let mut beta = Vec3::ONE;
+        let mut bounces = 0u32;
+        let mut first = Some(pileus_media::random::exponential_from((first * 4_294_967_296.0) as u32));
+        let mut vertex: Option<Vertex> = None;
+        loop {
+            let mut flown = Flown { beta, null_probability: 1.0 };
+            let collision = self.media.flight(&ray, first.take(), &mut flown, sampler, &mut tally);
+            beta = flown.beta;
+            let Some(collision) = collision else {
+                radiance += beta * self.escape::<MIS>(&ray, vertex.as_ref(), flown.null_probability);
+                break;
+            };
+            if bounces >= self.max_bounces {
+                counters.cut_by_max_bounces += 1;
+                bounces += 1;
+                break;
+            }
+            bounces += 1;
+            let p = ray.at(collision.t);
+            let (phase, albedo) = self.media.properties(&collision, p);
+            beta *= albedo;
+            let strongest = beta.max_element();
+            if !(strongest > 0.0) {
+                break;
+            }
+            // Stratified numbers for the first scattering only: later ones gain nothing measurable.
+            let [u_light, u_shadow, u_phase0, u_phase1] = if bounces == 1 {
+                sampler.stratified(1)
+            } else {
+                [uniform(sampler), uniform(sampler), uniform(sampler), uniform(sampler)]
+            };
+            if !self.lights.is_empty() {
+                let shadow = Shading { p, direction: ray.direction, phase, beta, strongest };
+                radiance += self.next_event::<MIS>(&shadow, [u_light, u_shadow], sampler, &mut tally, counters);
+            }
+            if strongest < ROULETTE_THROUGHPUT {
+                let survive = strongest / ROULETTE_THROUGHPUT;
+                if uniform(sampler) >= survive {
+                    break;
+                }
+                beta /= survive;
+            }
+            let (wi, pdf) = phase.sample(ray.direction, [u_phase0, u_phase1]);
+            if MIS {
+                vertex = Some(Vertex { p, phase, incoming: ray.direction, pdf });
+            }
+            ray = Ray { origin: p, direction: wi };
+        }
+        counters.paths += 1;
+        counters.bounces += u64::from(bounces);
+        counters.add_tally(&tally);
+        let alpha = if bounces > 0 { 1.0 } else { 0.0 };
+        PixelSample { rgb: radiance.to_array(), alpha }
+    }
+
+    /// Radiance from infinity along an escaping ray, weighted against shadow rays where they cover it.
+    #[inline(always)]
+    fn escape<const MIS: bool>(&self, ray: &Ray, vertex: Option<&Vertex>, null_probability: f32) -> Vec3 {
+        if !MIS {
+            return self.environment.radiance(ray.direction);
+        }
+        let mut radiance = self.environment.constant;
+        if !self.lights.covers_image() {
+            radiance = self.environment.radiance(ray.direction);
+        }
+        self.lights.met_at_infinity(ray.direction, |index, light, pdf| {
+            let weight = match vertex {
+                // Seen directly: no shadow ray was sent for it.
+                None => 1.0,
+                Some(vertex) => {
+                    let phase = |wi: Vec3| vertex.phase.eval(vertex.incoming.dot(wi));
+                    let pdf_light = pdf * self.lights.probability(index, vertex.p, phase);
+                    let pdf_path = vertex.pdf * null_probability;
+                    if pdf_light > 0.0 { pdf_path / (pdf_path + pdf_light) } else { 1.0 }
+                }
+            };
+            radiance += light * weight;
+        });
+        radiance
+    }
+
+    /// Radiance scattered at a vertex from one light, by a shadow ray.
+    #[inline(always)]
+    fn next_event<const MIS: bool>(
+        &self,
+        at: &Shading,
+        u: [f32; 2],
+        sampler: &mut PathSampler,
+        tally: &mut Tally,
+        counters: &mut Counters,
+    ) -> Vec3 {
+        let phase = |wi: Vec3| at.phase.eval(at.direction.dot(wi));
+        let Some(choice) = self.lights.choose(at.p, phase, u[0]) else {
+            return Vec3::ZERO;
+        };
+        let importance = choice.importance * at.strongest;
+        let survive = (importance / SHADOW_IMPORTANCE).min(1.0);
+        if survive < 1.0 && u[1] >= survive {
+            return Vec3::ZERO;
+        }
+        let direction = if MIS || self.lights.len() > 1 {
+            [uniform(sampler), uniform(sampler)]
+        } else {
+            [0.0; 2]
+        };
+        let Some(light) = self.lights.sample(choice.index, at.p, direction) else {
+            return Vec3::ZERO;
+        };
+        let value = phase(light.wi);
+        counters.shadow_rays += 1;
+        let ray = Ray { origin: at.p, direction: light.wi };
+        let threshold = (SHADOW_ROULETTE / (importance / survive)).min(0.5);
+        let shadow = self.media.transmittance(&ray, light.distance, threshold, sampler, tally);
+        let mut weight = value / (choice.probability * survive);
+        if MIS && light.pdf > 0.0 {
+            // Density of the same path under path sampling: its null decisions are weighted by the throughput of their channels.
+            let nulls = at.beta.dot(shadow.null_probability) / at.beta.element_sum();
+            let pdf_light = light.pdf * choice.probability;
+            weight *= pdf_light / (pdf_light + value * nulls);
+        }
+        at.beta * shadow.transmittance * light.weight * weight
+    }
+}
+
+/// A vertex at which light is gathered.
+struct Shading {
+    p: DVec3,
+    /// Propagation direction of the path that arrives.
+    direction: Vec3,
+    phase: Phase,
+    /// Throughput, with the albedo of this vertex.
+    beta: Vec3,
+    strongest: f32,
+}

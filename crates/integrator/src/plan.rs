@@ -1,0 +1,232 @@
+//! The plan: the simplest machinery that is exact for a scene, chosen once per render, and why.
+
+use crate::Error;
+use crate::lights::Lights;
+use crate::settings::{Distance, RenderSettings, Transmittance};
+use pileus_media::{Albedo, Medium, Phase};
+use pileus_scene::{Light, Scene};
+use serde::Serialize;
+use std::fmt;
+
+/// Which path kernel runs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum KernelKind {
+    /// No medium: the environment alone.
+    Empty,
+    /// One grid, grey extinction.
+    SingleGrey,
+    /// A list of media, per channel.
+    Overlapping,
+}
+
+/// A volume as planned.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct PlannedVolume {
+    /// The user's name for it.
+    pub name: String,
+    /// `grid` or `homogeneous`.
+    pub kind: &'static str,
+    /// Whether all channels have the same extinction.
+    pub grey: bool,
+    /// Largest extinction, 1/scene unit.
+    pub sigma_t_max: f64,
+    /// Stored precision of the voxels; none for homogeneous media.
+    pub voxels: Option<&'static str>,
+    /// Bytes of voxels, bounds and tables.
+    pub bytes: u64,
+    /// Phase function.
+    pub phase: String,
+    /// Albedo.
+    pub albedo: String,
+}
+
+/// What is modelled, by which methods, and why. Prints itself for people and serialises for `stats` and image metadata.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Plan {
+    pub(crate) kernel: KernelKind,
+    /// Whether paths and shadow rays are weighted against each other.
+    pub mis: bool,
+    /// Free-flight sampler in use.
+    pub distance: Distance,
+    /// Transmittance estimator in use.
+    pub transmittance: Transmittance,
+    /// Majorant structure in use.
+    pub majorants: &'static str,
+    /// Lights that shadow rays are sent to.
+    pub shadow_ray_lights: usize,
+    /// Most scattering events on a path; none: unlimited.
+    pub max_bounces: Option<u32>,
+    /// The media.
+    pub volumes: Vec<PlannedVolume>,
+    /// Reasons for the choices.
+    pub reasons: Vec<String>,
+    /// What the files contain and the picture leaves out.
+    pub not_modelled: Vec<String>,
+}
+
+impl Plan {
+    /// Plans a render.
+    ///
+    /// # Errors
+    /// If the settings ask for what the scene does not allow.
+    pub fn new(scene: &Scene, settings: &RenderSettings) -> Result<Plan, Error> {
+        settings.filter.validate().map_err(|error| Error::Invalid {
+            what: error.to_string(),
+            remedy: "correct film.filter".into(),
+        })?;
+        let mut reasons = Vec::new();
+        let volumes: Vec<PlannedVolume> = scene
+            .volumes
+            .iter()
+            .map(|volume| describe(&volume.name, &volume.medium))
+            .collect();
+        let grids = scene.volumes.iter().filter(|v| matches!(*v.medium, Medium::Grid(_))).count();
+        let grey = volumes.iter().all(|v| v.grey);
+        let kernel = match volumes.len() {
+            0 => KernelKind::Empty,
+            1 if grids == 1 && grey => KernelKind::SingleGrey,
+            _ => KernelKind::Overlapping,
+        };
+        reasons.push(match kernel {
+            KernelKind::Empty => "no volume: only the environment is seen".to_owned(),
+            KernelKind::SingleGrey => "one grid of grey extinction: the kernel knows no channels of distance and no list of \
+                 media"
+                .to_owned(),
+            KernelKind::Overlapping if grey => {
+                format!("{} media: collisions are taken in order along the ray", volumes.len())
+            }
+            KernelKind::Overlapping => "extinction differs per channel: one walk on the strongest channel's majorant, real or null \
+                 decided by the throughput-weighted mean of the channels"
+                .to_owned(),
+        });
+        let lights = Lights::new(scene);
+        let suns = scene.lights.iter().filter(|l| matches!(l, Light::Sun(_))).count();
+        let mis = lights.need_mis();
+        if mis {
+            reasons.push(
+                "a light can be met by shadow rays and by paths: both are weighted by the densities of the null-scattering path"
+                    .into(),
+            );
+        } else if lights.is_empty() {
+            reasons.push("no light that shadow rays could be aimed at: none are sent".into());
+        } else {
+            reasons.push(format!(
+                "{} lights ({suns} distant) can be met by shadow rays only: no weights are needed",
+                lights.len()
+            ));
+        }
+        if scene.environment.constant.max_element() > 0.0 {
+            reasons.push(
+                "constant light from the environment is met by escaping paths alone: scattered directions already sample it \
+                 perfectly"
+                    .into(),
+            );
+        }
+        let transmittance = match settings.transmittance {
+            Transmittance::Auto => {
+                reasons.push("transmittance by ratio tracking: unbiased, never noisier than delta tracking".into());
+                Transmittance::Ratio
+            }
+            chosen => chosen,
+        };
+        Ok(Plan {
+            kernel,
+            mis,
+            distance: match settings.distance {
+                Distance::Auto | Distance::Delta => Distance::Delta,
+            },
+            transmittance,
+            majorants: "hierarchical walk, cells of 4, 8, 16, ... voxels by expected collisions",
+            shadow_ray_lights: lights.len(),
+            max_bounces: settings.max_bounces,
+            volumes,
+            reasons,
+            not_modelled: scene.not_modelled.clone(),
+        })
+    }
+
+    /// Name of the path kernel.
+    pub fn kernel_name(&self) -> &'static str {
+        match self.kernel {
+            KernelKind::Empty => "empty",
+            KernelKind::SingleGrey => "single_grey",
+            KernelKind::Overlapping => "overlapping",
+        }
+    }
+}
+
+fn describe(name: &str, medium: &Medium) -> PlannedVolume {
+    let phase = match medium.phase() {
+        Phase::Isotropic => "isotropic".to_owned(),
+        Phase::HenyeyGreenstein { g } => format!("henyey_greenstein g {g}"),
+    };
+    let color = |c: [f32; 3]| {
+        if c[0] == c[1] && c[1] == c[2] { c[0].to_string() } else { format!("{c:?}") }
+    };
+    match medium {
+        Medium::Grid(grid) => {
+            let report = grid.grid().report();
+            PlannedVolume {
+                name: name.to_owned(),
+                kind: "grid",
+                grey: grid.is_grey(),
+                sigma_t_max: f64::from(grid.scale()) * f64::from(grid.grid().range().1),
+                voxels: Some(if report.stored_as_half { "binary16" } else { "binary32" }),
+                bytes: report.bytes_voxels + report.bytes_bounds + report.bytes_index,
+                phase,
+                albedo: match grid.albedo() {
+                    Albedo::Constant(albedo) => color(*albedo),
+                    Albedo::Grid(_) => "grid".to_owned(),
+                },
+            }
+        }
+        Medium::Homogeneous(homogeneous) => PlannedVolume {
+            name: name.to_owned(),
+            kind: "homogeneous",
+            grey: homogeneous.is_grey(),
+            sigma_t_max: f64::from(homogeneous.scale()),
+            voxels: None,
+            bytes: 0,
+            phase,
+            albedo: color(homogeneous.albedo().to_array()),
+        },
+    }
+}
+
+impl fmt::Display for Plan {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "kernel         {}", self.kernel_name())?;
+        writeln!(f, "distance       {}", self.distance.name())?;
+        writeln!(f, "transmittance  {}", self.transmittance.name())?;
+        writeln!(f, "majorants      {}", self.majorants)?;
+        writeln!(f, "shadow rays    to {} lights{}", self.shadow_ray_lights, if self.mis { ", weighted" } else { "" })?;
+        match self.max_bounces {
+            Some(n) => writeln!(f, "bounces        at most {n}: longer paths are cut (biased)")?,
+            None => writeln!(f, "bounces        unlimited")?,
+        }
+        for volume in &self.volumes {
+            writeln!(
+                f,
+                "volume         {}: {}{}, sigma_t up to {:.4}, phase {}, albedo {}{}",
+                volume.name,
+                volume.kind,
+                if volume.grey { "" } else { " per channel" },
+                volume.sigma_t_max,
+                volume.phase,
+                volume.albedo,
+                volume.voxels.map_or(String::new(), |v| format!(
+                    ", {v} voxels, {:.1} MB",
+                    volume.bytes as f64 / 1e6
+                )),
+            )?;
+        }
+        for reason in &self.reasons {
+            writeln!(f, "because        {reason}")?;
+        }
+        for item in &self.not_modelled {
+            writeln!(f, "not modelled   {item}")?;
+        }
+        Ok(())
+    }
+}

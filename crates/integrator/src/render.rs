@@ -1,0 +1,267 @@
+//! Runs a plan: tiles over threads, passes over samples.
+
+use crate::counters::Counters;
+use crate::error::Error;
+use crate::lights::Lights;
+use crate::media::{Media, Overlapping, Ray, SingleGrey};
+use crate::path::Kernel;
+use crate::plan::{KernelKind, Plan};
+use crate::sampler::PathSampler;
+use crate::settings::{RenderSettings, Transmittance};
+use pileus_film::{Film, PixelSample, Tile};
+use pileus_media::{GridMedium, Medium, Voxel, VoxelKernel};
+use pileus_scene::Scene;
+use rayon::prelude::*;
+use std::ops::Range;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Instant;
+
+/// Watches a render and may stop it.
+pub trait Monitor: Sync {
+    /// Whether to stop: the running pass is given up, what was committed before stands.
+    fn cancelled(&self) -> bool {
+        false
+    }
+    /// Called after every tile with the pixel samples done and to do in total.
+    fn progress(&self, _done: u64, _total: u64) {}
+}
+
+/// A monitor that does nothing.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Unmonitored;
+
+impl Monitor for Unmonitored {}
+
+/// Seconds that a pass should take: what a cancelled render loses at most, roughly.
+const PASS_SECONDS: f64 = 2.0;
+
+/// Renders `settings.samples` of every pixel of the film's window into it, on the current rayon pool.
+///
+/// The value of a sample depends on scene, plan, settings, pixel and sample number alone, and the film's sums are exact: threads, tile
+/// size, the length of passes and any split of the samples change nothing, bit for bit. When the monitor cancels, the film holds
+/// all whole passes done so far: the first `film.samples()` of the range.
+///
+/// # Errors
+/// If film and camera differ in resolution.
+pub fn render(
+    scene: &Scene,
+    plan: &Plan,
+    settings: &RenderSettings,
+    film: &mut Film,
+    monitor: &dyn Monitor,
+) -> Result<Counters, Error> {
+    if scene.camera.resolution() != film.resolution() {
+        return Err(Error::Invalid {
+            what: format!(
+                "the camera was made for {:?} pixels, the film has {:?}",
+                scene.camera.resolution(),
+                film.resolution()
+            ),
+            remedy: "make both from one resolution".into(),
+        });
+    }
+    let lights = Lights::new(scene);
+    let mut run = Run { scene, settings, film, monitor };
+    Ok(dispatch(scene, plan, &lights, settings, &mut run))
+}
+
+/// The value of one sample of one pixel: what [`render`] adds to the film. Slow for many samples: it plans its lights anew.
+pub fn sample_pixel(
+    scene: &Scene,
+    plan: &Plan,
+    settings: &RenderSettings,
+    pixel: [u32; 2],
+    sample: u64,
+) -> PixelSample {
+    struct One<'a> {
+        scene: &'a Scene,
+        settings: &'a RenderSettings,
+        pixel: [u32; 2],
+        sample: u64,
+    }
+    impl Job for One<'_> {
+        type Output = PixelSample;
+        fn run<M: Media, const MIS: bool>(&mut self, kernel: &Kernel<'_, M>) -> PixelSample {
+            let mut counters = Counters::default();
+            trace::<M, MIS>(kernel, self.scene, self.settings, self.pixel, self.sample, &mut counters)
+        }
+    }
+    let lights = Lights::new(scene);
+    dispatch(scene, plan, &lights, settings, &mut One { scene, settings, pixel, sample })
+}
+
+/// Work that is compiled for each kernel.
+trait Job {
+    type Output;
+    fn run<M: Media, const MIS: bool>(&mut self, kernel: &Kernel<'_, M>) -> Self::Output;
+}
+
+/// The one place where a plan turns into a compiled kernel.
+fn dispatch<J: Job>(
+    scene: &Scene,
+    plan: &Plan,
+    lights: &Lights,
+    settings: &RenderSettings,
+    job: &mut J,
+) -> J::Output {
+    let delta = plan.transmittance == Transmittance::Delta;
+    let media: Vec<Arc<Medium>> = scene.volumes.iter().map(|v| Arc::clone(&v.medium)).collect();
+    let max_bounces = settings.max_bounces.unwrap_or(u32::MAX);
+    if let (KernelKind::SingleGrey, [medium]) = (plan.kernel, media.as_slice()) {
+        if let Medium::Grid(medium) = &**medium {
+            return medium.with_voxels(Single { medium, delta, scene, lights, max_bounces, mis: plan.mis, job });
+        }
+    }
+    let kernel = Kernel {
+        media: Overlapping { media: &media, delta },
+        lights,
+        environment: &scene.environment,
+        max_bounces,
+    };
+    if plan.mis { job.run::<_, true>(&kernel) } else { job.run::<_, false>(&kernel) }
+}
+
+/// The grey single-grid kernel, waiting for its voxel type.
+struct Single<'a, J> {
+    medium: &'a GridMedium,
+    delta: bool,
+    scene: &'a Scene,
+    lights: &'a Lights,
+    max_bounces: u32,
+    mis: bool,
+    job: &'a mut J,
+}
+
+impl<J: Job> VoxelKernel for Single<'_, J> {
+    type Output = J::Output;
+    fn run<V: Voxel>(self, voxels: &[V]) -> J::Output {
+        let kernel = Kernel {
+            media: SingleGrey { medium: self.medium, voxels, delta: self.delta },
+            lights: self.lights,
+            environment: &self.scene.environment,
+            max_bounces: self.max_bounces,
+        };
+        if self.mis {
+            self.job.run::<_, true>(&kernel)
+        } else {
+            self.job.run::<_, false>(&kernel)
+        }
+    }
+}
+
+/// Traces one sample of one pixel.
+#[inline(always)]
+fn trace<M: Media, const MIS: bool>(
+    kernel: &Kernel<'_, M>,
+    scene: &Scene,
+    settings: &RenderSettings,
+    [x, y]: [u32; 2],
+    sample: u64,
+    counters: &mut Counters,
+) -> PixelSample {
+    let mut sampler = PathSampler::new(settings.seed, x, y, sample);
+    let [u, v, first, _] = sampler.stratified(0);
+    let offset = settings.filter.sample([u, v]);
+    let film = [
+        f64::from(x) + 0.5 + f64::from(offset[0]),
+        f64::from(y) + 0.5 + f64::from(offset[1]),
+    ];
+    let (origin, direction) = scene.camera.ray(film);
+    kernel.trace::<MIS>(Ray { origin, direction }, &mut sampler, first, counters)
+}
+
+struct Run<'a> {
+    scene: &'a Scene,
+    settings: &'a RenderSettings,
+    film: &'a mut Film,
+    monitor: &'a dyn Monitor,
+}
+
+impl Job for Run<'_> {
+    type Output = Counters;
+
+    fn run<M: Media, const MIS: bool>(&mut self, kernel: &Kernel<'_, M>) -> Counters {
+        let tiles = self.film.tiles(self.settings.tile_size);
+        let range = self.settings.samples.clone();
+        let crop = self.film.crop();
+        let pixels = u64::from(crop.width) * u64::from(crop.height);
+        let total = pixels * (range.end.saturating_sub(range.start));
+        let done = AtomicU64::new(0);
+        let mut counters = Counters::default();
+        let mut next = range.start;
+        let mut length = 1u64;
+        while next < range.end && !self.monitor.cancelled() {
+            let pass = next..(next + length).min(range.end);
+            let start = Instant::now();
+            let Some((rendered, pass_counters)) =
+                self.pass::<M, MIS>(kernel, &tiles, pass.clone(), &done, total)
+            else {
+                break;
+            };
+            for tile in &rendered {
+                self.film.add_tile(tile);
+            }
+            self.film.commit_pass(pass.end - pass.start);
+            counters.merge(&pass_counters);
+            next = pass.end;
+            // Longer passes cost less overhead, shorter ones lose less when cancelled.
+            let seconds = start.elapsed().as_secs_f64();
+            if seconds < 0.5 * PASS_SECONDS {
+                length *= 2;
+            } else if seconds > 2.0 * PASS_SECONDS {
+                length = (length / 2).max(1);
+            }
+        }
+        counters
+    }
+}
+
+impl Run<'_> {
+    /// One pass over all tiles; `None` if it was cancelled.
+    fn pass<M: Media, const MIS: bool>(
+        &self,
+        kernel: &Kernel<'_, M>,
+        tiles: &[(u32, u32, u32, u32)],
+        samples: Range<u64>,
+        done: &AtomicU64,
+        total: u64,
+    ) -> Option<(Vec<Tile>, Counters)> {
+        let rendered: Option<Vec<(Tile, Counters)>> = tiles
+            .par_iter()
+            .map(|&(x0, y0, width, height)| {
+                if self.monitor.cancelled() {
+                    return None;
+                }
+                let mut tile = Tile::new(x0, y0, width, height);
+                let mut counters = Counters::default();
+                for y in y0..y0 + height {
+                    for x in x0..x0 + width {
+                        for sample in samples.clone() {
+                            let value = trace::<M, MIS>(
+                                kernel,
+                                self.scene,
+                                self.settings,
+                                [x, y],
+                                sample,
+                                &mut counters,
+                            );
+                            counters.dropped += u64::from(!tile.add(x, y, &value));
+                        }
+                    }
+                }
+                let count = u64::from(width) * u64::from(height) * (samples.end - samples.start);
+                let before = done.fetch_add(count, Ordering::Relaxed);
+                self.monitor.progress(before + count, total);
+                Some((tile, counters))
+            })
+            .collect();
+        let mut counters = Counters::default();
+        let mut result = Vec::with_capacity(tiles.len());
+        for (tile, tile_counters) in rendered? {
+            counters.merge(&tile_counters);
+            result.push(tile);
+        }
+        Some((result, counters))
+    }
+}

@@ -1,0 +1,82 @@
+//! How a scene is to be sampled.
+
+use pileus_film::Filter;
+use std::ops::Range;
+
+/// How transmittance is estimated.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Transmittance {
+    /// What the plan finds best for the scene.
+    #[default]
+    Auto,
+    /// Ratio tracking.
+    Ratio,
+    /// Delta tracking: the indicator of a free flight that gets through.
+    Delta,
+}
+
+impl Transmittance {
+    /// The name that jobs use.
+    pub fn name(self) -> &'static str {
+        match self {
+            Transmittance::Auto => "auto",
+            Transmittance::Ratio => "ratio",
+            Transmittance::Delta => "delta",
+        }
+    }
+}
+
+/// How distances are sampled.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Distance {
+    /// What the plan finds best for the scene.
+    #[default]
+    Auto,
+    /// Delta tracking on local majorants.
+    Delta,
+}
+
+impl Distance {
+    /// The name that jobs use.
+    pub fn name(self) -> &'static str {
+        match self {
+            Distance::Auto => "auto",
+            Distance::Delta => "delta",
+        }
+    }
+}
+
+/// How a scene is to be sampled. The value of a sample depends on these (but for the range), the scene, the pixel and the sample's number.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RenderSettings {
+    /// Numbers of the samples per pixel to render.
+    pub samples: Range<u64>,
+    /// Seed of all random numbers.
+    pub seed: u64,
+    /// Most scattering events on a path; `None`: unlimited.
+    pub max_bounces: Option<u32>,
+    /// Pixel filter, by importance sampling.
+    pub filter: Filter,
+    /// How transmittance is estimated.
+    pub transmittance: Transmittance,
+    /// How distances are sampled.
+    pub distance: Distance,
+    /// Edge of the tiles that threads take, pixels. No influence on the image.
+    pub tile_size: u32,
+}
+
+impl Default for RenderSettings {
+    fn default() -> Self {
+        RenderSettings {
+            samples: 0..64,
+            seed: 0,
+            max_bounces: None,
+            filter: Filter::default(),
+            transmittance: Transmittance::Auto,
+            distance: Distance::Auto,
+            tile_size: 16,
+        }
+    }
+}

@@ -1,0 +1,77 @@
+//! Tentative collisions: the Poisson process of a field's majorants, from which every null-collision method is made.
+
+use crate::field::{MajorantSegment, RayField};
+use crate::random::exponential;
+use rand_core::Rng;
+
+/// Walks along a ray from one tentative collision to the next.
+///
+/// Tentative collisions are a Poisson process whose rate is the majorant: exact for any field. One exponential variate is spent
+/// per collision; what is left of it carries over from cell to cell.
+#[derive(Debug, Clone)]
+pub struct TentativeCollisions<F> {
+    field: F,
+    segment: MajorantSegment,
+    t: f32,
+    /// Majorant optical depth to the next collision, if it has been drawn.
+    remaining: Option<f32>,
+}
+
+/// A tentative collision.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Tentative {
+    /// Where, in the ray's parameter.
+    pub t: f32,
+    /// Majorant there, 1/length.
+    pub majorant: f32,
+}
+
+impl<F: RayField> TentativeCollisions<F> {
+    /// Starts at the beginning of `field`.
+    #[inline(always)]
+    pub fn new(field: F) -> Self {
+        TentativeCollisions { field, segment: MajorantSegment::START, t: 0.0, remaining: None }
+    }
+
+    /// Starts with a given majorant optical depth to the first collision (an exponential variate of mean one).
+    #[inline(always)]
+    pub fn with_first(field: F, depth: f32) -> Self {
+        TentativeCollisions {
+            field,
+            segment: MajorantSegment::START,
+            t: 0.0,
+            remaining: Some(depth),
+        }
+    }
+
+    /// The next tentative collision, `None` when the ray has left the field.
+    #[inline(always)]
+    pub fn next<R: Rng + ?Sized>(&mut self, rng: &mut R) -> Option<Tentative> {
+        let mut depth = match self.remaining.take() {
+            Some(depth) => depth,
+            None => exponential(rng),
+        };
+        loop {
+            let available = (self.segment.t1 - self.t) * self.segment.majorant;
+            if depth < available {
+                self.t = (self.t + depth / self.segment.majorant).min(self.segment.t1);
+                return Some(Tentative { t: self.t, majorant: self.segment.majorant });
+            }
+            depth -= available;
+            self.segment = self.field.next_segment()?;
+            self.t = self.segment.t0;
+        }
+    }
+
+    /// Extinction at the collision returned last, 1/length.
+    #[inline(always)]
+    pub fn sigma_t(&self, collision: Tentative) -> f32 {
+        self.field.sigma_t(collision.t)
+    }
+
+    /// The field.
+    #[inline(always)]
+    pub fn field(&self) -> &F {
+        &self.field
+    }
+}

@@ -1,0 +1,52 @@
+//! A grid of colours, looked up where a path scatters.
+
+use crate::Error;
+use crate::grid::{Interpolation, VoxelGrid, VoxelGridOptions};
+use glam::{DVec3, Vec3};
+use pileus_vdb::Tree;
+
+/// A colour per point of index space, interpolated trilinearly and clamped to [0, 1] per channel.
+#[derive(Debug, Clone)]
+pub struct ColorGrid {
+    /// One grid for all channels, or one each.
+    channels: Vec<VoxelGrid>,
+    /// From the index space it is asked in to its own, if they differ.
+    to_index: glam::DAffine3,
+}
+
+impl ColorGrid {
+    /// From a vector grid. `to_index` maps the index space of the medium that asks to that of this tree.
+    ///
+    /// # Errors
+    /// As [`VoxelGrid::from_tree`].
+    pub fn from_vec3_tree(tree: &Tree<[f32; 3]>, to_index: glam::DAffine3) -> Result<Self, Error> {
+        let channels = (0..3)
+            .map(|channel| ColorGrid::channel(&tree.clone().map(|v| v[channel])))
+            .collect::<Result<_, _>>()?;
+        Ok(ColorGrid { channels, to_index })
+    }
+
+    /// From a scalar grid: grey.
+    ///
+    /// # Errors
+    /// As [`VoxelGrid::from_tree`].
+    pub fn from_float_tree(tree: &Tree<f32>, to_index: glam::DAffine3) -> Result<Self, Error> {
+        Ok(ColorGrid { channels: vec![ColorGrid::channel(tree)?], to_index })
+    }
+
+    fn channel(tree: &Tree<f32>) -> Result<VoxelGrid, Error> {
+        VoxelGrid::from_tree(tree, &VoxelGridOptions { interpolation: Interpolation::Trilinear })
+    }
+
+    /// The colour at a point of the asking medium's index space.
+    pub fn at_index(&self, p_index: DVec3) -> Vec3 {
+        let p = self.to_index.transform_point3(p_index);
+        let value = |channel: &VoxelGrid| channel.interpolate(p) as f32;
+        let color = match self.channels.as_slice() {
+            [grey] => Vec3::splat(value(grey)),
+            [r, g, b] => Vec3::new(value(r), value(g), value(b)),
+            _ => Vec3::ONE,
+        };
+        color.clamp(Vec3::ZERO, Vec3::ONE)
+    }
+}

@@ -1,0 +1,5 @@
+//! Free-flight samplers: where the next real collision is.
+
+mod delta;
+
+pub use delta::{delta_tracking, Flight};

@@ -1,0 +1,36 @@
+//! The extinction along one ray, as every tracker and estimator sees it.
+
+/// A stretch of a ray on which the extinction is bounded.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MajorantSegment {
+    /// Start, in the ray's parameter.
+    pub t0: f32,
+    /// End, not before `t0`.
+    pub t1: f32,
+    /// Upper bound of the extinction on it, 1/length, positive.
+    pub majorant: f32,
+}
+
+impl MajorantSegment {
+    /// A segment of no length at the start of a ray.
+    pub const START: MajorantSegment = MajorantSegment { t0: 0.0, t1: 0.0, majorant: 0.0 };
+}
+
+/// Extinction along a ray: majorant segments in order, and values inside the segment handed out last.
+///
+/// The segments follow each other without overlap; what lies between them has no extinction. The bounds are a function of the
+/// position alone, so that two walks over the same points see the same majorants: the path densities of multiple
+/// importance sampling rely on it. A 1D test profile implements this trait as well as a grid does.
+pub trait RayField {
+    /// The next segment along the ray that may hold extinction, `None` at the ray's end.
+    fn next_segment(&mut self) -> Option<MajorantSegment>;
+
+    /// Lower bound of the extinction on the segment handed out last, 1/length, not negative.
+    fn minorant(&self) -> f32;
+
+    /// Extinction at ray parameter `t`, 1/length, for `t` within the segment handed out last.
+    fn sigma_t(&self, t: f32) -> f32;
+
+    /// Cells visited so far, with those that were skipped as empty.
+    fn steps(&self) -> u64;
+}

@@ -1,0 +1,175 @@
+//! The render grid: bricks of voxels under a table, with bounds for every cell.
+
+mod bounds;
+mod build;
+mod source;
+mod topology;
+mod view;
+mod voxel;
+
+pub use build::{BuildReport, VoxelGridOptions};
+pub(crate) use topology::{BRICK_LOG2, Entry, Topology, entry_index};
+pub(crate) use view::sub_cell;
+pub use view::GridView;
+pub use voxel::{Half, Voxel};
+
+use glam::DVec3;
+
+/// Values along an edge of a brick: 8 cells and the far face, so that interpolation never leaves the brick.
+pub(crate) const BRICK_EDGE: usize = 9;
+/// Values of a brick.
+pub(crate) const BRICK_VALUES: usize = BRICK_EDGE * BRICK_EDGE * BRICK_EDGE;
+
+/// How values between voxels are formed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Interpolation {
+    /// The value of the nearest voxel.
+    Nearest,
+    /// Linear in each axis between the eight voxels around.
+    #[default]
+    Trilinear,
+}
+
+/// Voxels in one of two precisions.
+#[derive(Debug, Clone)]
+pub(crate) enum Voxels {
+    Half(Vec<Half>),
+    Single(Vec<f32>),
+}
+
+/// A sparse scalar field laid out for rendering.
+///
+/// A value sits at its integer index coordinate; between them the field is interpolated, outside the stored voxels it is the
+/// grid's background. Values are finite and not negative: others are replaced by zero when the grid is built, and counted.
+/// Voxels are stored as binary16 when that loses nothing, else as binary32.
+///
+/// Bounds of the interpolated field are kept in raw units for cells of 4, 8, 16, ... voxels; scaling happens at use, so that look
+/// edits rebuild nothing.
+#[derive(Debug, Clone)]
+pub struct VoxelGrid {
+    pub(crate) voxels: Voxels,
+    /// Largest value in each of the eight 4^3 cells of a brick, by brick.
+    pub(crate) sub_max: Vec<[f32; 8]>,
+    /// Smallest value, likewise.
+    pub(crate) sub_min: Vec<[f32; 8]>,
+    pub(crate) entries: Vec<Entry>,
+    /// Smallest value in the cell of each entry.
+    pub(crate) entry_min: Vec<f32>,
+    pub(crate) topology: Topology,
+    /// Index coordinate of the local origin.
+    pub(crate) origin: [i32; 3],
+    /// Support in local voxels: the field is the background outside.
+    pub(crate) support: [[i32; 3]; 2],
+    pub(crate) background: f32,
+    pub(crate) interpolation: Interpolation,
+    pub(crate) report: BuildReport,
+}
+
+impl VoxelGrid {
+    /// How the grid was built and what it takes.
+    pub fn report(&self) -> &BuildReport {
+        &self.report
+    }
+
+    /// How values between voxels are formed.
+    pub fn interpolation(&self) -> Interpolation {
+        self.interpolation
+    }
+
+    /// Value outside all stored voxels.
+    pub fn background(&self) -> f32 {
+        self.background
+    }
+
+    /// Smallest and largest value of the whole field.
+    pub fn range(&self) -> (f32, f32) {
+        if self.is_empty() {
+            return (self.background, self.background);
+        }
+        let (min, max) = self.cell_range([0; 3], self.topology.top_log2());
+        (min.min(self.background), max.max(self.background))
+    }
+
+    /// Whether the field is constant.
+    pub fn is_empty(&self) -> bool {
+        self.support[0] == self.support[1]
+    }
+
+    /// The box in index space outside which the field is the background; `None` if it is constant.
+    pub fn bounds_index(&self) -> Option<(DVec3, DVec3)> {
+        if self.is_empty() {
+            return None;
+        }
+        let offset = self.local_to_index();
+        let corner = |c: [i32; 3]| DVec3::from_array(c.map(f64::from)) + offset;
+        Some((corner(self.support[0]), corner(self.support[1])))
+    }
+
+    /// What to add to local coordinates (in which cell `i` spans `[i, i + 1)`) for index coordinates.
+    pub(crate) fn local_to_index(&self) -> DVec3 {
+        let shift = match self.interpolation {
+            Interpolation::Nearest => -0.5,
+            Interpolation::Trilinear => 0.0,
+        };
+        DVec3::from_array(self.origin.map(f64::from)) + shift
+    }
+
+    /// The stored value at an index coordinate.
+    pub fn value(&self, ijk: [i32; 3]) -> f32 {
+        let mut local = [0i32; 3];
+        for axis in 0..3 {
+            let c = i64::from(ijk[axis]) - i64::from(self.origin[axis]);
+            if c < 0 || c >= i64::from(self.topology.extent[axis]) {
+                return self.background;
+            }
+            local[axis] = c as i32;
+        }
+        match &self.voxels {
+            Voxels::Half(v) => self.view(v).voxel(local),
+            Voxels::Single(v) => self.view(v).voxel(local),
+        }
+    }
+
+    /// The interpolated value at a point in index space, in double precision: exact but for rounding.
+    pub fn interpolate(&self, p_index: DVec3) -> f64 {
+        let p = p_index - self.local_to_index();
+        let extent = DVec3::from_array(self.topology.extent.map(f64::from));
+        if !(p.cmpge(DVec3::ZERO).all() && p.cmplt(extent).all()) {
+            return f64::from(self.background);
+        }
+        self.interpolate_local(p.to_array().map(|c| c as i32), p)
+    }
+
+    /// The interpolated value at local point `p` of the cell of local voxel `ijk`, which must lie within the extent.
+    pub(crate) fn interpolate_local(&self, ijk: [i32; 3], p: DVec3) -> f64 {
+        match &self.voxels {
+            Voxels::Half(v) => self.view(v).interpolate_f64(ijk, p),
+            Voxels::Single(v) => self.view(v).interpolate_f64(ijk, p),
+        }
+    }
+
+    /// Smallest and largest value in the cell of `2^log2` voxels (2 and coarser) around local voxel `ijk`.
+    pub(crate) fn cell_range(&self, ijk: [i32; 3], log2: u32) -> (f32, f32) {
+        if log2 < BRICK_LOG2 {
+            let entry = self.entries[entry_index(&self.topology, &self.entries, ijk, BRICK_LOG2)];
+            let sub = view::sub_cell(ijk);
+            let brick = entry.child as usize;
+            (self.sub_min[brick][sub], self.sub_max[brick][sub])
+        } else {
+            let index = entry_index(&self.topology, &self.entries, ijk, log2);
+            (self.entry_min[index], self.entries[index].max)
+        }
+    }
+
+    pub(crate) fn view<'a, V: Voxel>(&'a self, voxels: &'a [V]) -> GridView<'a, V> {
+        GridView {
+            voxels,
+            sub_max: &self.sub_max,
+            sub_min: &self.sub_min,
+            entries: &self.entries,
+            entry_min: &self.entry_min,
+            topology: &self.topology,
+            interpolation: self.interpolation,
+        }
+    }
+}

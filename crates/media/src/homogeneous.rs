@@ -1,0 +1,138 @@
+//! The same extinction everywhere in a box, or in all space.
+
+use crate::Error;
+use crate::field::{MajorantSegment, RayField};
+use crate::medium::check_albedo;
+use crate::phase::Phase;
+use glam::{DVec3, Vec3};
+
+/// A homogeneous medium.
+#[derive(Debug, Clone)]
+pub struct HomogeneousMedium {
+    scale: f32,
+    relative: Vec3,
+    bounds: Option<(DVec3, DVec3)>,
+    albedo: Vec3,
+    phase: Phase,
+}
+
+impl HomogeneousMedium {
+    /// Extinction `sigma_t` per channel, 1/length, inside the axis-aligned world box `bounds` (`None`: everywhere).
+    ///
+    /// # Errors
+    /// If an extinction is negative or not finite, or the box is empty or not finite.
+    pub fn new(
+        sigma_t: [f32; 3],
+        bounds: Option<(DVec3, DVec3)>,
+        albedo: [f32; 3],
+        phase: Phase,
+    ) -> Result<HomogeneousMedium, Error> {
+        if !sigma_t.iter().all(|s| (0.0..1e30).contains(s)) {
+            return Err(Error::invalid(
+                format!("extinction {sigma_t:?} is negative or out of range"),
+                "give numbers of at least 0",
+            ));
+        }
+        check_albedo(&albedo)?;
+        if let Some((low, high)) = bounds {
+            if !(low.is_finite() && high.is_finite() && low.cmplt(high).all()) {
+                return Err(Error::invalid(
+                    format!("the box {low} to {high} is empty or not finite"),
+                    "give the smaller corner first, or null to fill space",
+                ));
+            }
+        }
+        let scale = sigma_t[0].max(sigma_t[1]).max(sigma_t[2]);
+        let relative =
+            if scale > 0.0 { Vec3::from_array(sigma_t) / scale } else { Vec3::ONE };
+        Ok(HomogeneousMedium { scale, relative, bounds, albedo: Vec3::from_array(albedo), phase })
+    }
+
+    /// Extinction of the strongest channel, 1/length.
+    pub fn scale(&self) -> f32 {
+        self.scale
+    }
+
+    /// Extinction per channel relative to the strongest.
+    pub fn relative_extinction(&self) -> Vec3 {
+        self.relative
+    }
+
+    /// Whether all channels have the same extinction.
+    pub fn is_grey(&self) -> bool {
+        self.relative == Vec3::ONE
+    }
+
+    /// The albedo per channel.
+    pub fn albedo(&self) -> Vec3 {
+        self.albedo
+    }
+
+    /// The phase function.
+    pub fn phase(&self) -> &Phase {
+        &self.phase
+    }
+
+    /// The box, `None` if the medium fills all space.
+    pub fn bounds_world(&self) -> Option<(DVec3, DVec3)> {
+        self.bounds
+    }
+
+    /// Where the ray `origin + t direction`, t in [0, t_max], is inside: start and length (infinite in all space).
+    pub fn span(&self, origin: DVec3, direction: Vec3, t_max: f64) -> Option<(f64, f32)> {
+        let (mut t0, mut t1) = (0.0f64, t_max);
+        if let Some((low, high)) = self.bounds {
+            for axis in 0..3 {
+                let d = f64::from(direction[axis]);
+                if d == 0.0 {
+                    if origin[axis] < low[axis] || origin[axis] > high[axis] {
+                        return None;
+                    }
+                    continue;
+                }
+                let (a, b) = ((low[axis] - origin[axis]) / d, (high[axis] - origin[axis]) / d);
+                t0 = t0.max(a.min(b));
+                t1 = t1.min(a.max(b));
+            }
+        }
+        (t0 < t1).then(|| (t0, (t1 - t0) as f32))
+    }
+
+    /// The ray field of a span of this length.
+    #[inline(always)]
+    pub fn ray(&self, length: f32) -> HomogeneousRay {
+        HomogeneousRay { sigma_t: self.scale, length, done: !(self.scale > 0.0) }
+    }
+}
+
+/// One segment of constant extinction.
+#[derive(Debug, Clone)]
+pub struct HomogeneousRay {
+    sigma_t: f32,
+    length: f32,
+    done: bool,
+}
+
+impl RayField for HomogeneousRay {
+    #[inline(always)]
+    fn next_segment(&mut self) -> Option<MajorantSegment> {
+        if self.done {
+            return None;
+        }
+        self.done = true;
+        Some(MajorantSegment { t0: 0.0, t1: self.length, majorant: self.sigma_t })
+    }
+
+    fn minorant(&self) -> f32 {
+        self.sigma_t
+    }
+
+    #[inline(always)]
+    fn sigma_t(&self, _t: f32) -> f32 {
+        self.sigma_t
+    }
+
+    fn steps(&self) -> u64 {
+        u64::from(self.done)
+    }
+}

@@ -1,0 +1,344 @@
+//! Participating media: a field placed in the world, with its optical properties.
+
+use crate::Error;
+use crate::color::ColorGrid;
+use crate::field::{MajorantSegment, RayField};
+use crate::grid::{Half, Voxel, VoxelGrid, Voxels};
+use crate::homogeneous::HomogeneousMedium;
+use crate::majorant::GridRay;
+use crate::phase::Phase;
+use glam::{DAffine3, DVec3, Mat3, Vec3};
+use std::sync::Arc;
+
+/// Single-scattering albedo, `sigma_s / sigma_t` per channel, in [0, 1].
+#[derive(Debug, Clone)]
+pub enum Albedo {
+    /// The same everywhere.
+    Constant([f32; 3]),
+    /// Looked up where a path scatters; values outside [0, 1] are clamped.
+    Grid(Arc<ColorGrid>),
+}
+
+/// A grid of extinction placed in the world. Cheap to copy for instances: the voxels are shared.
+#[derive(Debug, Clone)]
+pub struct GridMedium {
+    grid: Arc<VoxelGrid>,
+    /// Largest channel of raw value to extinction, 1/length.
+    scale: f32,
+    /// Extinction per channel relative to the largest.
+    relative: Vec3,
+    albedo: Albedo,
+    phase: Phase,
+    world_to_local: DAffine3,
+    direction_to_local: Mat3,
+    local_to_world: DAffine3,
+}
+
+/// Where a ray meets a grid medium, in its local coordinates.
+#[derive(Debug, Clone, Copy)]
+pub struct Span {
+    /// World distance from the ray's origin to the start of the span.
+    pub t_enter: f64,
+    /// Length of the span in world units.
+    pub length: f32,
+    p0: Vec3,
+    d: Vec3,
+}
+
+impl GridMedium {
+    /// Places `grid` by `index_to_world`, with extinction `sigma_t[channel] * value` per world unit.
+    ///
+    /// # Errors
+    /// If the transform is singular or not finite, if an extinction is negative or not finite, or if the grid's background is not
+    /// zero: such a medium would fill all space.
+    pub fn new(
+        grid: Arc<VoxelGrid>,
+        index_to_world: DAffine3,
+        sigma_t: [f32; 3],
+        albedo: Albedo,
+        phase: Phase,
+    ) -> Result<GridMedium, Error> {
+        if grid.background() != 0.0 {
+            return Err(Error::unsupported(
+                format!("the grid's background is {}, so that it fills all space", grid.background()),
+                "set the background to 0 and add a homogeneous volume for what lies around",
+            ));
+        }
+        if !sigma_t.iter().all(|s| s.is_finite() && *s >= 0.0) {
+            return Err(Error::invalid(
+                format!("extinction scale {sigma_t:?} is negative or not finite"),
+                "give numbers of at least 0",
+            ));
+        }
+        if let Albedo::Constant(albedo) = &albedo {
+            check_albedo(albedo)?;
+        }
+        let scale = sigma_t[0].max(sigma_t[1]).max(sigma_t[2]);
+        // Flights divide by the majorant and multiply it with cell sizes: keep both far from overflow.
+        if !(f64::from(scale) * f64::from(grid.range().1) < 1e30) {
+            return Err(Error::invalid(
+                format!("the largest extinction, {scale} x {}, is out of range", grid.range().1),
+                "lower the density scale, or clean the grid",
+            ));
+        }
+        let determinant = index_to_world.matrix3.determinant();
+        let finite = index_to_world.is_finite() && determinant.is_normal();
+        let local_to_world = index_to_world * DAffine3::from_translation(grid.local_to_index());
+        let world_to_local = local_to_world.inverse();
+        if !finite || !world_to_local.is_finite() {
+            return Err(Error::invalid(
+                "the volume's transform is singular or not finite",
+                "check the scale of the grid, the node and the job",
+            ));
+        }
+        let relative =
+            if scale > 0.0 { Vec3::from_array(sigma_t) / scale } else { Vec3::ONE };
+        Ok(GridMedium {
+            grid,
+            scale,
+            relative,
+            albedo,
+            phase,
+            world_to_local,
+            direction_to_local: world_to_local.matrix3.as_mat3(),
+            local_to_world,
+        })
+    }
+
+    /// The field.
+    pub fn grid(&self) -> &Arc<VoxelGrid> {
+        &self.grid
+    }
+
+    /// Raw value to extinction of the strongest channel, 1/length.
+    pub fn scale(&self) -> f32 {
+        self.scale
+    }
+
+    /// Extinction per channel relative to the strongest.
+    pub fn relative_extinction(&self) -> Vec3 {
+        self.relative
+    }
+
+    /// Whether all channels have the same extinction.
+    pub fn is_grey(&self) -> bool {
+        self.relative == Vec3::ONE
+    }
+
+    /// The phase function.
+    pub fn phase(&self) -> &Phase {
+        &self.phase
+    }
+
+    /// The albedo.
+    pub fn albedo(&self) -> &Albedo {
+        &self.albedo
+    }
+
+    /// Albedo at a point in the world.
+    #[inline(always)]
+    pub fn albedo_at(&self, p_world: DVec3) -> Vec3 {
+        match &self.albedo {
+            Albedo::Constant(albedo) => Vec3::from_array(*albedo),
+            Albedo::Grid(grid) => {
+                let p_local = self.world_to_local.transform_point3(p_world);
+                grid.at_index(p_local + self.grid.local_to_index())
+            }
+        }
+    }
+
+    /// Extinction of the strongest channel at a point in the world, 1/length.
+    pub fn sigma_t_at(&self, p_world: DVec3) -> f64 {
+        let p = self.world_to_local.transform_point3(p_world) + self.grid.local_to_index();
+        self.grid.interpolate(p) * f64::from(self.scale)
+    }
+
+    /// The box in the world that holds all extinction; `None` if there is none.
+    pub fn bounds_world(&self) -> Option<(DVec3, DVec3)> {
+        if self.grid.is_empty() {
+            return None;
+        }
+        let [low, high] = self.support();
+        let corners = (0..8).map(|corner| {
+            let pick = |axis: usize| if corner >> axis & 1 == 1 { high[axis] } else { low[axis] };
+            self.local_to_world.transform_point3(DVec3::new(pick(0), pick(1), pick(2)))
+        });
+        let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+        for corner in corners {
+            min = min.min(corner);
+            max = max.max(corner);
+        }
+        Some((min, max))
+    }
+
+    pub(crate) fn world_to_local(&self) -> &DAffine3 {
+        &self.world_to_local
+    }
+
+    fn support(&self) -> [DVec3; 2] {
+        self.grid.support.map(|corner| DVec3::from_array(corner.map(f64::from)))
+    }
+
+    /// Clips local ray `o + t d` to the support.
+    #[inline(always)]
+    pub(crate) fn clip_local(&self, o: DVec3, d: DVec3, t_min: f64, t_max: f64) -> Option<(f64, f64)> {
+        let [low, high] = self.support();
+        let (mut t0, mut t1) = (t_min, t_max);
+        for axis in 0..3 {
+            if d[axis] == 0.0 {
+                if o[axis] < low[axis] || o[axis] > high[axis] {
+                    return None;
+                }
+                continue;
+            }
+            let inv = 1.0 / d[axis];
+            let (a, b) = ((low[axis] - o[axis]) * inv, (high[axis] - o[axis]) * inv);
+            t0 = t0.max(a.min(b));
+            t1 = t1.min(a.max(b));
+        }
+        // Also false for NaN.
+        (t0 < t1).then_some((t0, t1))
+    }
+
+    /// The part of the ray `origin + t direction`, t in [0, t_max], that may meet extinction; `direction` is a unit vector.
+    #[inline(always)]
+    pub fn span(&self, origin: DVec3, direction: Vec3, t_max: f64) -> Option<Span> {
+        let o = self.world_to_local.transform_point3(origin);
+        let d = self.direction_to_local * direction;
+        let (t0, t1) = self.clip_local(o, d.as_dvec3(), 0.0, t_max)?;
+        let p0 = (o + d.as_dvec3() * t0).as_vec3();
+        Some(Span { t_enter: t0, length: (t1 - t0) as f32, p0, d })
+    }
+
+    /// The ray field of a span, for a grid stored as `V`.
+    #[inline(always)]
+    pub fn ray<'a, V: Voxel>(&'a self, voxels: &'a [V], span: &Span) -> GridRay<'a, V> {
+        GridRay::new(self.grid.view(voxels), self.scale, span.p0, span.d, span.length)
+    }
+
+    /// The ray field of a span, whatever the voxel type.
+    #[inline(always)]
+    pub fn any_ray(&self, span: &Span) -> AnyGridRay<'_> {
+        match &self.grid.voxels {
+            Voxels::Half(voxels) => AnyGridRay::Half(self.ray(voxels, span)),
+            Voxels::Single(voxels) => AnyGridRay::Single(self.ray(voxels, span)),
+        }
+    }
+
+    /// Calls `kernel` with the voxels in their type: the one place where precision is chosen.
+    #[inline(always)]
+    pub fn with_voxels<K: VoxelKernel>(&self, kernel: K) -> K::Output {
+        match &self.grid.voxels {
+            Voxels::Half(voxels) => kernel.run(voxels),
+            Voxels::Single(voxels) => kernel.run(voxels),
+        }
+    }
+}
+
+/// Code that is compiled for each voxel type.
+pub trait VoxelKernel {
+    /// What it returns.
+    type Output;
+    /// Runs on voxels of type `V`.
+    fn run<V: Voxel>(self, voxels: &[V]) -> Self::Output;
+}
+
+/// A ray through a grid of either voxel type, for code that is not compiled for each.
+#[derive(Debug, Clone)]
+pub enum AnyGridRay<'a> {
+    /// Voxels stored as binary16.
+    Half(GridRay<'a, Half>),
+    /// Voxels stored as binary32.
+    Single(GridRay<'a, f32>),
+}
+
+impl RayField for AnyGridRay<'_> {
+    #[inline]
+    fn next_segment(&mut self) -> Option<MajorantSegment> {
+        match self {
+            AnyGridRay::Half(ray) => ray.next_segment(),
+            AnyGridRay::Single(ray) => ray.next_segment(),
+        }
+    }
+
+    fn minorant(&self) -> f32 {
+        match self {
+            AnyGridRay::Half(ray) => ray.minorant(),
+            AnyGridRay::Single(ray) => ray.minorant(),
+        }
+    }
+
+    #[inline]
+    fn sigma_t(&self, t: f32) -> f32 {
+        match self {
+            AnyGridRay::Half(ray) => ray.sigma_t(t),
+            AnyGridRay::Single(ray) => ray.sigma_t(t),
+        }
+    }
+
+    fn steps(&self) -> u64 {
+        match self {
+            AnyGridRay::Half(ray) => ray.steps(),
+            AnyGridRay::Single(ray) => ray.steps(),
+        }
+    }
+}
+
+pub(crate) fn check_albedo(albedo: &[f32; 3]) -> Result<(), Error> {
+    if albedo.iter().all(|a| (0.0..=1.0).contains(a)) {
+        return Ok(());
+    }
+    Err(Error::invalid(format!("albedo {albedo:?} is outside [0, 1]"), "give numbers from 0 to 1"))
+}
+
+/// A participating medium.
+#[derive(Debug, Clone)]
+pub enum Medium {
+    /// Extinction from a grid.
+    Grid(GridMedium),
+    /// The same extinction everywhere in a box or in all space.
+    Homogeneous(HomogeneousMedium),
+}
+
+impl Medium {
+    /// The box in the world that holds all extinction; `None` if there is none or if it fills all space.
+    pub fn bounds_world(&self) -> Option<(DVec3, DVec3)> {
+        match self {
+            Medium::Grid(medium) => medium.bounds_world(),
+            Medium::Homogeneous(medium) => medium.bounds_world(),
+        }
+    }
+
+    /// Whether all channels have the same extinction.
+    pub fn is_grey(&self) -> bool {
+        match self {
+            Medium::Grid(medium) => medium.is_grey(),
+            Medium::Homogeneous(medium) => medium.is_grey(),
+        }
+    }
+
+    /// Extinction per channel relative to the strongest.
+    pub fn relative_extinction(&self) -> Vec3 {
+        match self {
+            Medium::Grid(medium) => medium.relative_extinction(),
+            Medium::Homogeneous(medium) => medium.relative_extinction(),
+        }
+    }
+
+    /// The phase function.
+    pub fn phase(&self) -> &Phase {
+        match self {
+            Medium::Grid(medium) => medium.phase(),
+            Medium::Homogeneous(medium) => medium.phase(),
+        }
+    }
+
+    /// Albedo at a point in the world.
+    #[inline(always)]
+    pub fn albedo_at(&self, p_world: DVec3) -> Vec3 {
+        match self {
+            Medium::Grid(medium) => medium.albedo_at(p_world),
+            Medium::Homogeneous(medium) => medium.albedo(),
+        }
+    }
+}
