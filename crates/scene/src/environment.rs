@@ -71,7 +71,7 @@ pub struct EnvironmentImage {
 }
 
 /// Most texels an environment image may have.
-const MAX_TEXELS: usize = 1 << 27;
+pub(crate) const MAX_TEXELS: usize = 1 << 27;
 
 impl EnvironmentImage {
     /// An image from texels in rows from the top, linear Rec. 709, finite and not negative.

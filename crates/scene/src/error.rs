@@ -91,6 +91,24 @@ pub enum Error {
         /// The names that exist.
         remedy: String,
     },
+    /// An OpenVDB file cannot be read.
+    #[error("{place}: the OpenVDB file cannot be used")]
+    Vdb {
+        /// The volume that wants it.
+        place: Place,
+        /// The reader's own error.
+        #[source]
+        source: pileus_vdb::Error,
+    },
+    /// A medium cannot be built from a volume.
+    #[error("{place}: no medium can be made of this volume")]
+    Medium {
+        /// The volume.
+        place: Place,
+        /// The medium's own error.
+        #[source]
+        source: pileus_media::Error,
+    },
 }
 
 impl Error {
@@ -125,7 +143,9 @@ impl Error {
             Self::Io { place, .. }
             | Self::Invalid { place, .. }
             | Self::Unsupported { place, .. }
-            | Self::Missing { place, .. } => place,
+            | Self::Missing { place, .. }
+            | Self::Vdb { place, .. }
+            | Self::Medium { place, .. } => place,
         }
     }
 }

@@ -1,29 +1,25 @@
-//! glTF scenes with OpenVDB volumes: camera, lights, environment, placed media.
+#![doc = include_str!("../README.md")]
 #![forbid(unsafe_code)]
 
+mod assemble;
 pub mod camera;
 pub mod environment;
+mod environment_file;
 pub mod error;
+pub mod gltf;
+mod gltf_volume;
+pub mod json;
 pub mod light;
+mod sky;
+pub mod uri;
 pub mod volume;
+pub mod volume_spec;
 
+pub use assemble::{CameraRequest, Loaded, Scene, SceneRequest};
 pub use camera::Camera;
 pub use environment::{EnvSample, Environment, EnvironmentImage};
 pub use error::{Error, Place};
 pub use light::{Light, Point, Spot, Sun};
-pub use volume::Volume;
-
-/// Everything an image is made from, immutable; nothing in it touches a file any more.
-#[derive(Debug, Clone)]
-pub struct Scene {
-    /// The camera, bound to the resolution of the full image.
-    pub camera: Camera,
-    /// The participating media; they may overlap.
-    pub volumes: Vec<Volume>,
-    /// Lights without extent.
-    pub lights: Vec<Light>,
-    /// Light from all around.
-    pub environment: Environment,
-    /// What the files contain and the renderer leaves out, as sentences for people.
-    pub not_modelled: Vec<String>,
-}
+pub use sky::default_sky;
+pub use volume::{Volume, VolumeSource};
+pub use volume_spec::VolumeSpec;

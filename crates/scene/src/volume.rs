@@ -1,14 +1,571 @@
-//! A participating medium placed in the scene.
+//! From what a user wrote about a volume to a medium placed in the world.
 
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::time::Instant;
 
-use pileus_media::Medium;
+use glam::{DAffine3, DMat3, DQuat, DVec3};
+use pileus_media::{
+    Albedo, BuildReport, ColorGrid, GridMedium, HomogeneousMedium, Interpolation, Medium, Phase,
+    VoxelGrid, VoxelGridOptions,
+};
+use pileus_vdb::{GridClass, GridInfo, ValueType, Values, VdbFile};
+
+use crate::error::{Error, Place};
+use crate::uri::with_frame;
+use crate::volume_spec::{
+    AlbedoSpec, DensitySpec, HomogeneousSpec, InterpolationSpec, PhaseSpec, Rgb, TransformSpec,
+    UpAxis, VolumeSpec,
+};
+
+/// Albedo of a volume that does not name one.
+pub const DEFAULT_ALBEDO: f64 = 0.999;
 
 /// A volume of the scene: a medium in world space and where it came from.
 #[derive(Debug, Clone)]
 pub struct Volume {
-    /// The user's name for it.
+    /// The user's name for it, or that of its file.
     pub name: String,
     /// The medium, in world space.
     pub medium: Arc<Medium>,
+    /// Where its values came from.
+    pub source: VolumeSource,
+}
+
+/// Where the values of a volume came from.
+#[derive(Debug, Clone)]
+pub enum VolumeSource {
+    /// A grid of an OpenVDB file.
+    Vdb {
+        /// The file.
+        path: PathBuf,
+        /// The grid as it is addressed: `density` or `density[1]`.
+        grid: String,
+        /// Extinction per scene unit where the grid is 1, before the channels' `extinction`.
+        density_scale: f64,
+        /// What the render grid takes; shared by all volumes made of the same grid.
+        build: BuildReport,
+    },
+    /// A formula.
+    Homogeneous,
+}
+
+/// One volume to load: what the user wrote, where it goes and where it was written.
+pub struct VolumeRequest<'a> {
+    /// What the user wrote; `vdb` is a path by now.
+    pub spec: &'a VolumeSpec,
+    /// Applied last: the world transform of the glTF node, or the identity.
+    pub to_world: DAffine3,
+    /// What to call it if the specification has no name.
+    pub fallback_name: &'a str,
+    /// The place of a key of the specification (a JSON pointer relative to it), for messages.
+    pub place: &'a dyn Fn(&str) -> Place,
+    /// What to do about emission, which this version does not render.
+    pub emission: UnrenderedEmission,
+    /// The extinction of a grid value of 1 if the specification does not say.
+    pub default_scale: DefaultScale,
+}
+
+/// What to do about emission.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum UnrenderedEmission {
+    /// It is an error.
+    Refuse,
+    /// It is left out; the caller says so.
+    LeaveOut,
+}
+
+/// The extinction of a grid value of 1 that nobody specified.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum DefaultScale {
+    /// One per scene unit.
+    One,
+    /// So that the volume looks like a cloud, see [`automatic_scale`].
+    Cloud,
+}
+
+/// Loads volumes; remembers files and grids, so that volumes made of the same grid share it.
+#[derive(Default)]
+pub struct VolumeLoader {
+    files: HashMap<PathBuf, Arc<VdbFile>>,
+    grids: HashMap<(PathBuf, usize, bool), Arc<VoxelGrid>>,
+    /// Seconds spent in reading files so far.
+    pub seconds_load: f64,
+    /// Seconds spent in building render grids so far.
+    pub seconds_build: f64,
+}
+
+impl VolumeLoader {
+    /// Loads one volume.
+    pub fn load(&mut self, request: &VolumeRequest<'_>) -> Result<Volume, Error> {
+        let spec = request.spec;
+        let place = request.place;
+        if spec.emission.is_some() && request.emission == UnrenderedEmission::Refuse {
+            return Err(Error::unsupported(
+                place("/emission"),
+                "emission is not rendered by this version",
+                "remove `emission` to render the volume without its light",
+            ));
+        }
+        let extinction = channels(
+            spec.extinction.unwrap_or(Rgb::Grey(1.0)),
+            0.0..=1e30,
+            &|| place("/extinction"),
+            "extinction",
+        )?;
+        let phase = phase(spec.phase.as_ref(), &|| place("/phase"))?;
+        let placement = placement(spec, &request.to_world, place)?;
+        match (&spec.vdb, &spec.homogeneous) {
+            (Some(vdb), None) => self.load_grid(request, vdb, extinction, phase, placement),
+            (None, Some(homogeneous)) => {
+                load_homogeneous(request, homogeneous, extinction, phase, &placement)
+            }
+            (None, None) => Err(Error::invalid(
+                place(""),
+                "the volume has neither `vdb` nor `homogeneous`",
+                "name an OpenVDB file with `vdb`",
+            )),
+            (Some(_), Some(_)) => Err(Error::invalid(
+                place("/homogeneous"),
+                "the volume has both `vdb` and `homogeneous`",
+                "write two volumes: media may overlap",
+            )),
+        }
+    }
+
+    fn load_grid(
+        &mut self,
+        request: &VolumeRequest<'_>,
+        vdb: &str,
+        extinction: [f64; 3],
+        phase: Phase,
+        placement: DAffine3,
+    ) -> Result<Volume, Error> {
+        let (spec, place) = (request.spec, request.place);
+        let interpolation = match spec.interpolation {
+            None | Some(InterpolationSpec::Trilinear) => Interpolation::Trilinear,
+            Some(InterpolationSpec::Nearest) => Interpolation::Nearest,
+            Some(InterpolationSpec::Tricubic) => {
+                return Err(Error::unsupported(
+                    place("/interpolation"),
+                    "interpolation `tricubic` is not rendered by this version",
+                    "use \"trilinear\" or \"nearest\"",
+                ));
+            }
+        };
+        let path = PathBuf::from(with_frame(vdb, spec.frame, &place("/vdb"))?);
+        let file = self.open(&path, &|| place("/vdb"))?;
+        let vdb_error = |key: &str, source| Error::Vdb { place: place(key), source };
+        let density = spec.density.clone().unwrap_or_default();
+        let index = density_grid(&file, &path, &density, place)?;
+        let info = grid_info(&file, index, &path)?;
+        let index_to_world =
+            placement * affine(info.transform.matrix().map_err(|e| vdb_error("/vdb", e))?);
+        let grid = self.grid(&file, &path, index, interpolation, place)?;
+        let albedo = self.albedo(request, &file, &path, info)?;
+        let scale = match density.scale {
+            Some(scale) => scale,
+            None => match request.default_scale {
+                DefaultScale::One => 1.0,
+                DefaultScale::Cloud => automatic_scale(&grid, &index_to_world)
+                    .map_err(|source| Error::Medium { place: place("/density"), source })?,
+            },
+        };
+        if !(scale >= 0.0 && scale.is_finite()) {
+            return Err(Error::invalid(
+                place("/density/scale"),
+                format!("the density scale is {scale}"),
+                "use a finite number of at least 0",
+            ));
+        }
+        let build = grid.report().clone();
+        let sigma_t = extinction.map(|e| (e * scale) as f32);
+        let medium = GridMedium::new(grid, index_to_world, sigma_t, albedo, phase)
+            .map_err(|source| Error::Medium { place: place(""), source })?;
+        Ok(Volume {
+            name: name(request),
+            medium: Arc::new(Medium::Grid(medium)),
+            source: VolumeSource::Vdb { grid: info.full_name(), path, density_scale: scale, build },
+        })
+    }
+
+    fn open(&mut self, path: &Path, place: &dyn Fn() -> Place) -> Result<Arc<VdbFile>, Error> {
+        if let Some(file) = self.files.get(path) {
+            return Ok(file.clone());
+        }
+        let start = Instant::now();
+        let file = VdbFile::open(path).map_err(|source| Error::Vdb { place: place(), source })?;
+        let file = Arc::new(file);
+        self.files.insert(path.to_owned(), file.clone());
+        self.seconds_load += start.elapsed().as_secs_f64();
+        Ok(file)
+    }
+
+    fn grid(
+        &mut self,
+        file: &VdbFile,
+        path: &Path,
+        index: usize,
+        interpolation: Interpolation,
+        place: &dyn Fn(&str) -> Place,
+    ) -> Result<Arc<VoxelGrid>, Error> {
+        let key = (path.to_owned(), index, interpolation == Interpolation::Nearest);
+        if let Some(grid) = self.grids.get(&key) {
+            return Ok(grid.clone());
+        }
+        let start = Instant::now();
+        let tree = file
+            .read(index)
+            .and_then(pileus_vdb::Grid::to_float)
+            .map_err(|source| Error::Vdb { place: place("/vdb"), source })?;
+        let read = Instant::now();
+        let grid = VoxelGrid::from_tree(&tree, &VoxelGridOptions { interpolation })
+            .map_err(|source| Error::Medium { place: place("/vdb"), source })?;
+        self.seconds_load += (read - start).as_secs_f64();
+        self.seconds_build += read.elapsed().as_secs_f64();
+        let report = grid.report();
+        for (count, what) in
+            [(report.replaced_non_finite, "not finite"), (report.replaced_negative, "negative")]
+        {
+            if count > 0 {
+                tracing::warn!("{}: {count} values are {what} and count as 0", path.display());
+            }
+        }
+        let grid = Arc::new(grid);
+        self.grids.insert(key, grid.clone());
+        Ok(grid)
+    }
+
+    fn albedo(
+        &mut self,
+        request: &VolumeRequest<'_>,
+        file: &VdbFile,
+        path: &Path,
+        density: &GridInfo,
+    ) -> Result<Albedo, Error> {
+        let place = request.place;
+        let name = match &request.spec.albedo {
+            Some(AlbedoSpec::Grid(name)) => name,
+            Some(AlbedoSpec::Constant(rgb)) => {
+                return constant_albedo(*rgb, place).map(Albedo::Constant);
+            }
+            None => return constant_albedo(Rgb::Grey(DEFAULT_ALBEDO), place).map(Albedo::Constant),
+        };
+        let vdb_error = |source| Error::Vdb { place: place("/albedo/grid"), source };
+        let index = file.find(name).map_err(vdb_error)?;
+        let info = grid_info(file, index, path)?;
+        let start = Instant::now();
+        let values = file.read(index).map_err(vdb_error)?;
+        self.seconds_load += start.elapsed().as_secs_f64();
+        let start = Instant::now();
+        let own = affine(info.transform.matrix().map_err(vdb_error)?);
+        // From the density's index space to that of the colours; both share the world transform.
+        let to_own = own.inverse() * affine(density.transform.matrix().map_err(vdb_error)?);
+        if !to_own.is_finite() {
+            return Err(Error::invalid(
+                place("/albedo/grid"),
+                format!("the transform of grid `{name}` is singular"),
+                "write the grid again",
+            ));
+        }
+        let grid = match &values.values {
+            Values::Vec3f(tree) => ColorGrid::from_vec3_tree(tree, to_own),
+            _ => ColorGrid::from_float_tree(&values.to_float().map_err(vdb_error)?, to_own),
+        };
+        let grid = grid.map_err(|source| Error::Medium { place: place("/albedo/grid"), source })?;
+        self.seconds_build += start.elapsed().as_secs_f64();
+        Ok(Albedo::Grid(Arc::new(grid)))
+    }
+}
+
+fn load_homogeneous(
+    request: &VolumeRequest<'_>,
+    homogeneous: &HomogeneousSpec,
+    extinction: [f64; 3],
+    phase: Phase,
+    placement: &DAffine3,
+) -> Result<Volume, Error> {
+    let (spec, place) = (request.spec, request.place);
+    for (given, key) in [
+        (spec.density.is_some(), "/density"),
+        (spec.interpolation.is_some(), "/interpolation"),
+        (spec.frame.is_some(), "/frame"),
+    ] {
+        if given {
+            return Err(Error::invalid(
+                place(key),
+                "this key belongs to volumes with a grid",
+                "remove it, or replace `homogeneous` by `vdb`",
+            ));
+        }
+    }
+    let albedo = match &spec.albedo {
+        Some(AlbedoSpec::Grid(_)) => {
+            return Err(Error::invalid(
+                place("/albedo"),
+                "a homogeneous volume has no grids",
+                "give the albedo as numbers",
+            ));
+        }
+        Some(AlbedoSpec::Constant(rgb)) => constant_albedo(*rgb, place)?,
+        None => constant_albedo(Rgb::Grey(DEFAULT_ALBEDO), place)?,
+    };
+    let bounds = homogeneous.bounds.map(|bounds| bounds.map(DVec3::from_array));
+    let bounds = match bounds {
+        None => None,
+        Some([low, high]) => Some(move_box((low, high), placement).ok_or_else(|| {
+            Error::unsupported(
+                place("/homogeneous/bounds"),
+                "the box of a homogeneous volume is turned by its transform",
+                "only translation and scale are possible: boxes stay parallel to the axes",
+            )
+        })?),
+    };
+    let sigma_t = extinction.map(|e| (e * homogeneous.sigma_t) as f32);
+    let medium = HomogeneousMedium::new(sigma_t, bounds, albedo, phase)
+        .map_err(|source| Error::Medium { place: place("/homogeneous"), source })?;
+    Ok(Volume {
+        name: name(request),
+        medium: Arc::new(Medium::Homogeneous(medium)),
+        source: VolumeSource::Homogeneous,
+    })
+}
+
+fn name(request: &VolumeRequest<'_>) -> String {
+    let file = request.spec.vdb.as_ref().map(Path::new).and_then(Path::file_stem);
+    match &request.spec.name {
+        Some(name) => name.clone(),
+        None if !request.fallback_name.is_empty() => request.fallback_name.to_owned(),
+        None => file.map_or_else(|| "volume".into(), |stem| stem.to_string_lossy().into_owned()),
+    }
+}
+
+/// A box moved by a transform that keeps it parallel to the axes; `None` for any other transform.
+fn move_box(bounds: (DVec3, DVec3), transform: &DAffine3) -> Option<(DVec3, DVec3)> {
+    let matrix = transform.matrix3;
+    let largest = matrix.to_cols_array().into_iter().fold(0.0f64, |a, v| a.max(v.abs()));
+    for column in [matrix.x_axis, matrix.y_axis, matrix.z_axis] {
+        let nonzero = column.to_array().iter().filter(|v| v.abs() > 1e-12 * largest).count();
+        if nonzero != 1 {
+            return None;
+        }
+    }
+    let (a, b) = (transform.transform_point3(bounds.0), transform.transform_point3(bounds.1));
+    Some((a.min(b), a.max(b)))
+}
+
+/// The grid that gives the density: as named, else `density`, else the only fog volume.
+fn density_grid(
+    file: &VdbFile,
+    path: &Path,
+    density: &DensitySpec,
+    place: &dyn Fn(&str) -> Place,
+) -> Result<usize, Error> {
+    let place_of_grid = || place(if density.grid.is_some() { "/density/grid" } else { "/vdb" });
+    let index = match &density.grid {
+        Some(name) => {
+            file.find(name).map_err(|source| Error::Vdb { place: place_of_grid(), source })?
+        }
+        None => default_density_grid(file).ok_or_else(|| {
+            let names: Vec<String> = file.grids().iter().map(|g| describe(g)).collect();
+            let (what, remedy) = if names.is_empty() {
+                ("the file has no grids".to_owned(), "write it again with a fog volume".to_owned())
+            } else {
+                (
+                    "it is not clear which grid is the density".to_owned(),
+                    format!(
+                        "name one with `density`: {{\"grid\": ...}}; the file has {}",
+                        names.join(", ")
+                    ),
+                )
+            };
+            Error::missing(place_of_grid(), format!("{}: {what}", path.display()), remedy)
+        })?,
+    };
+    let info = grid_info(file, index, path)?;
+    if info.class == GridClass::LevelSet {
+        return Err(Error::unsupported(
+            place_of_grid(),
+            format!(
+                "{}: grid `{}` is a level set (distances), not a density",
+                path.display(),
+                info.name
+            ),
+            "convert it to a fog volume (Houdini: Convert VDB, OpenVDB: sdfToFogVolume)",
+        ));
+    }
+    if matches!(info.value_type, ValueType::Vec3f | ValueType::Vec3d | ValueType::Vec3i) {
+        return Err(Error::unsupported(
+            place_of_grid(),
+            format!("{}: grid `{}` holds vectors ({})", path.display(), info.name, info.type_name),
+            "name a grid of numbers as the density",
+        ));
+    }
+    Ok(index)
+}
+
+/// The index of the grid that a file without further word means: the first `density`, else the
+/// only grid of floating-point numbers that is not a level set.
+pub fn default_density_grid(file: &VdbFile) -> Option<usize> {
+    let possible = |info: &GridInfo| {
+        matches!(info.value_type, ValueType::Float | ValueType::Double | ValueType::Half)
+            && info.class != GridClass::LevelSet
+    };
+    let grids = file.grids();
+    if let Some(index) = grids.iter().position(|info| info.name == "density") {
+        return Some(index);
+    }
+    let mut fogs = grids.iter().enumerate().filter(|(_, info)| possible(info));
+    match (fogs.next(), fogs.next()) {
+        (Some((index, _)), None) => Some(index),
+        _ => None,
+    }
+}
+
+fn grid_info<'a>(file: &'a VdbFile, index: usize, path: &Path) -> Result<&'a GridInfo, Error> {
+    file.grids().get(index).ok_or_else(|| {
+        Error::missing(Place::file(path), format!("grid {index} does not exist"), "")
+    })
+}
+
+fn describe(info: &GridInfo) -> String {
+    let level_set = if info.class == GridClass::LevelSet { ", level set" } else { "" };
+    format!("`{}` ({}{level_set})", info.full_name(), info.value_type)
+}
+
+/// Row vectors as OpenVDB writes them, `world = [i, j, k, 1] * M`, to an affine transform.
+pub fn affine(matrix: [[f64; 4]; 4]) -> DAffine3 {
+    let [x, y, z, w] = matrix.map(|[a, b, c, _]| DVec3::new(a, b, c));
+    DAffine3 { matrix3: DMat3::from_cols(x, y, z), translation: w }
+}
+
+/// Everything after the grid's own transform: up axis, the volume's transform, the node's.
+fn placement(
+    spec: &VolumeSpec,
+    to_world: &DAffine3,
+    place: &dyn Fn(&str) -> Place,
+) -> Result<DAffine3, Error> {
+    let up = match spec.up_axis.unwrap_or_default() {
+        UpAxis::Y => DAffine3::IDENTITY,
+        // (x, y, z) to (x, z, -y)
+        UpAxis::Z => DAffine3::from_mat3(DMat3::from_cols(DVec3::X, DVec3::NEG_Z, DVec3::Y)),
+    };
+    let own = match &spec.transform {
+        None => DAffine3::IDENTITY,
+        Some(TransformSpec { translation, rotation, scale }) => {
+            let rotation = DQuat::from_array(rotation.unwrap_or([0.0, 0.0, 0.0, 1.0]));
+            if !(rotation.is_finite() && (rotation.length() - 1.0).abs() < 1e-2) {
+                return Err(Error::invalid(
+                    place("/transform/rotation"),
+                    "the rotation is not a unit quaternion",
+                    "give x, y, z, w with squares that add up to 1; [0, 0, 0, 1] is no rotation",
+                ));
+            }
+            DAffine3::from_scale_rotation_translation(
+                DVec3::from_array(scale.unwrap_or([1.0; 3])),
+                rotation.normalize(),
+                DVec3::from_array(translation.unwrap_or([0.0; 3])),
+            )
+        }
+    };
+    let placement = *to_world * own * up;
+    if !(placement.is_finite() && placement.matrix3.determinant().is_normal()) {
+        return Err(Error::invalid(
+            place(if spec.transform.is_some() { "/transform" } else { "" }),
+            "the volume's transform is singular or not finite",
+            "use scales other than 0",
+        ));
+    }
+    Ok(placement)
+}
+
+fn phase(spec: Option<&PhaseSpec>, place: &dyn Fn() -> Place) -> Result<Phase, Error> {
+    match spec {
+        None | Some(PhaseSpec::Isotropic {}) => Ok(Phase::Isotropic),
+        Some(&PhaseSpec::HenyeyGreenstein { g }) if g.abs() < 1.0 => {
+            let limit = f64::from(pileus_media::phase::MAX_G);
+            if g.abs() > limit {
+                return Err(Error::unsupported(
+                    place(),
+                    format!("g is {g}"),
+                    format!("use a mean cosine between -{limit} and {limit}"),
+                ));
+            }
+            Ok(Phase::henyey_greenstein(g as f32))
+        }
+        Some(PhaseSpec::HenyeyGreenstein { g }) => Err(Error::invalid(
+            place(),
+            format!("g is {g}"),
+            "the mean cosine lies between -1 and 1 without its ends",
+        )),
+    }
+}
+
+fn channels(
+    rgb: Rgb,
+    range: std::ops::RangeInclusive<f64>,
+    place: &dyn Fn() -> Place,
+    what: &str,
+) -> Result<[f64; 3], Error> {
+    let channels = rgb.channels();
+    if channels.iter().all(|c| range.contains(c)) {
+        return Ok(channels);
+    }
+    Err(Error::invalid(
+        place(),
+        format!("{what} is {channels:?}"),
+        format!("use numbers between {} and {}", range.start(), range.end()),
+    ))
+}
+
+fn constant_albedo(rgb: Rgb, place: &dyn Fn(&str) -> Place) -> Result<[f32; 3], Error> {
+    let channels = channels(rgb, 0.0..=1.0, &|| place("/albedo"), "albedo")?;
+    Ok(channels.map(|c| c as f32))
+}
+
+/// Median optical depth that [`automatic_scale`] aims at.
+pub const CLOUD_OPTICAL_DEPTH: f64 = 11.0;
+
+/// The extinction per scene unit at grid value 1 that makes a volume look like a cloud.
+///
+/// The exact optical depths along a fixed lattice of rays through the volume's bounds, parallel to
+/// each axis, are computed; the scale lifts the median of those that are not negligible to
+/// [`CLOUD_OPTICAL_DEPTH`]. 1 for a volume without density.
+pub fn automatic_scale(
+    grid: &Arc<VoxelGrid>,
+    index_to_world: &DAffine3,
+) -> Result<f64, pileus_media::Error> {
+    /// Rays along each axis: 16 x 16.
+    const SIDE: usize = 16;
+    let albedo = Albedo::Constant([1.0; 3]);
+    let medium =
+        GridMedium::new(grid.clone(), *index_to_world, [1.0; 3], albedo, Phase::Isotropic)?;
+    let Some((low, high)) = medium.bounds_world() else { return Ok(1.0) };
+    let size = high - low;
+    let mut depths = Vec::with_capacity(3 * SIDE * SIDE);
+    for axis in 0..3 {
+        let along = DVec3::AXES[axis];
+        let (across, beside) = (DVec3::AXES[(axis + 1) % 3], DVec3::AXES[(axis + 2) % 3]);
+        for i in 0..SIDE * SIDE {
+            let at = |k: usize| (k as f64 + 0.5) / SIDE as f64;
+            let offset = across * at(i % SIDE) + beside * at(i / SIDE);
+            let length = size.dot(along);
+            let mut tally = pileus_media::Tally::default();
+            depths.push(pileus_media::optical_depth(
+                &medium,
+                low + size * offset,
+                along,
+                0.0,
+                length,
+                &mut tally,
+            ));
+        }
+    }
+    let largest = depths.iter().copied().fold(0.0f64, f64::max);
+    depths.retain(|&depth| depth > 0.01 * largest);
+    depths.sort_by(f64::total_cmp);
+    let median = depths.get(depths.len() / 2).copied().unwrap_or(0.0);
+    let scale = CLOUD_OPTICAL_DEPTH / median;
+    Ok(if scale.is_finite() { scale } else { 1.0 })
 }

@@ -1,0 +1,280 @@
+//! Puts a scene together from files and from what a job says.
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use glam::{DAffine3, DVec3};
+
+use crate::camera::Camera;
+use crate::environment::Environment;
+use crate::error::{Error, Place};
+use crate::gltf::{self, GltfCamera, GltfScene};
+use crate::light::Light;
+use crate::sky::default_sky;
+use crate::volume::{
+    DefaultScale, UnrenderedEmission, Volume, VolumeLoader, VolumeRequest, VolumeSource,
+};
+use crate::volume_spec::VolumeSpec;
+
+/// Everything an image is made from, immutable; nothing in it touches a file any more.
+#[derive(Debug, Clone)]
+pub struct Scene {
+    /// The camera, bound to the resolution of the full image.
+    pub camera: Camera,
+    /// The participating media; they may overlap.
+    pub volumes: Vec<Volume>,
+    /// Lights without extent.
+    pub lights: Vec<Light>,
+    /// Light from all around.
+    pub environment: Environment,
+    /// What the files contain and the renderer leaves out, as sentences for people.
+    pub not_modelled: Vec<String>,
+}
+
+/// What a scene is to be made of.
+pub struct SceneRequest<'a> {
+    /// A glTF file and its lumens per watt, see [`gltf::load`].
+    pub gltf: Option<(PathBuf, f64)>,
+    /// Volumes beside those of the glTF file; their file names are paths.
+    pub volumes: Vec<VolumeSpec>,
+    /// The place of a key of volume `i` (a JSON pointer relative to it), for messages.
+    pub volume_place: &'a dyn Fn(usize, &str) -> Place,
+    /// Which camera to use.
+    pub camera: CameraRequest,
+    /// Lights beside those of the glTF file.
+    pub lights: Vec<Light>,
+    /// The environment; `None` if nothing was said about it.
+    pub environment: Option<Environment>,
+    /// Size of the full image in pixels; `None`: 640 pixels along the longer side in the aspect
+    /// ratio of the glTF camera, or 640 x 360.
+    pub resolution: Option<[u32; 2]>,
+    /// The extinction of a grid value of 1 in `volumes` that do not say.
+    pub default_scale: DefaultScale,
+}
+
+/// Which camera to use.
+#[derive(Debug, Clone, PartialEq)]
+pub enum CameraRequest {
+    /// The first camera of the glTF file, or one that frames the volumes.
+    Auto {
+        /// Vertical opening angle in degrees of a camera that frames the volumes.
+        fov_y_degrees: f64,
+    },
+    /// The camera of a glTF node.
+    Node {
+        /// Name of the node.
+        name: String,
+        /// Where it is named.
+        place: Place,
+    },
+    /// A camera in the world, see [`Camera::look_at`].
+    LookAt {
+        /// Position in scene units.
+        position: DVec3,
+        /// What it looks at.
+        target: DVec3,
+        /// What is up.
+        up: DVec3,
+        /// Vertical opening angle in degrees.
+        fov_y_degrees: f64,
+        /// Where it is described.
+        place: Place,
+    },
+}
+
+/// A scene and how it came about.
+#[derive(Debug)]
+pub struct Loaded {
+    /// The scene.
+    pub scene: Scene,
+    /// What was chosen without being asked for, as sentences for people.
+    pub notes: Vec<String>,
+    /// Seconds spent in reading files.
+    pub seconds_load: f64,
+    /// Seconds spent in building render grids.
+    pub seconds_build: f64,
+}
+
+impl Scene {
+    /// Loads everything that a request names.
+    pub fn load(request: SceneRequest<'_>) -> Result<Loaded, Error> {
+        let start = Instant::now();
+        let file = match &request.gltf {
+            Some((path, lumens_per_watt)) => Some(gltf::load(path, *lumens_per_watt)?),
+            None => None,
+        };
+        let mut loader = VolumeLoader::default();
+        loader.seconds_load = start.elapsed().as_secs_f64();
+        let mut notes = Vec::new();
+        let volumes = load_volumes(&mut loader, &request, file.as_ref(), &mut notes)?;
+        let bounds = bounds_of(&volumes);
+        let (camera, note) = choose_camera(&request, file.as_ref(), bounds)?;
+        notes.extend(note);
+        let mut lights = request.lights;
+        let mut not_modelled = Vec::new();
+        if let Some(file) = file {
+            lights.extend(file.lights);
+            not_modelled = file.not_modelled;
+        }
+        let environment = match request.environment {
+            Some(environment) => environment,
+            None if lights.is_empty() => {
+                let (sun, environment) = default_sky()?;
+                lights.push(sun);
+                notes.push("no light given: the default sky, a sun and a blue gradient".into());
+                environment
+            }
+            None => Environment::default(),
+        };
+        if volumes.is_empty() {
+            notes.push("there is no volume: the picture shows the environment alone".into());
+        }
+        Ok(Loaded {
+            scene: Scene { camera, volumes, lights, environment, not_modelled },
+            notes,
+            seconds_load: loader.seconds_load,
+            seconds_build: loader.seconds_build,
+        })
+    }
+
+    /// Lowest and highest corner of all bounded volumes in world space; `None` if there are none.
+    pub fn bounds(&self) -> Option<(DVec3, DVec3)> {
+        bounds_of(&self.volumes)
+    }
+}
+
+fn bounds_of(volumes: &[Volume]) -> Option<(DVec3, DVec3)> {
+    volumes
+        .iter()
+        .filter_map(|volume| volume.medium.bounds_world())
+        .reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))
+}
+
+fn load_volumes(
+    loader: &mut VolumeLoader,
+    request: &SceneRequest<'_>,
+    file: Option<&GltfScene>,
+    notes: &mut Vec<String>,
+) -> Result<Vec<Volume>, Error> {
+    let mut volumes = Vec::new();
+    for volume in file.iter().flat_map(|file| &file.volumes) {
+        // The keys of extras do not mirror those of a specification: one place serves for all.
+        volumes.push(loader.load(&VolumeRequest {
+            spec: &volume.spec,
+            to_world: volume.to_world,
+            fallback_name: &volume.node,
+            place: &|_| volume.place.clone(),
+            emission: UnrenderedEmission::LeaveOut,
+            default_scale: DefaultScale::One,
+        })?);
+    }
+    for (i, spec) in request.volumes.iter().enumerate() {
+        let volume = loader.load(&VolumeRequest {
+            spec,
+            to_world: DAffine3::IDENTITY,
+            fallback_name: "",
+            place: &|key| (request.volume_place)(i, key),
+            emission: UnrenderedEmission::Refuse,
+            default_scale: request.default_scale,
+        })?;
+        let chosen = spec.density.as_ref().and_then(|d| d.scale).is_none();
+        if let (VolumeSource::Vdb { density_scale, .. }, true, DefaultScale::Cloud) =
+            (&volume.source, chosen, request.default_scale)
+        {
+            notes.push(format!(
+                "density scale of `{}`: {density_scale:.4} per scene unit, chosen so that it looks like a cloud",
+                volume.name
+            ));
+        }
+        volumes.push(volume);
+    }
+    for volume in &volumes {
+        if matches!(volume.source, VolumeSource::Vdb { .. })
+            && volume.medium.bounds_world().is_none()
+        {
+            notes.push(format!("volume `{}` is empty: no density anywhere", volume.name));
+        }
+    }
+    Ok(volumes)
+}
+
+fn choose_camera(
+    request: &SceneRequest<'_>,
+    file: Option<&GltfScene>,
+    bounds: Option<(DVec3, DVec3)>,
+) -> Result<(Camera, Option<String>), Error> {
+    let cameras = file.map(|file| file.cameras.as_slice()).unwrap_or_default();
+    let resolution = request.resolution.unwrap_or([640, 360]);
+    match &request.camera {
+        CameraRequest::LookAt { position, target, up, fov_y_degrees, place } => {
+            Camera::look_at(*position, *target, *up, *fov_y_degrees, resolution)
+                .map(|camera| (camera, None))
+                .map_err(|error| at(error, place))
+        }
+        CameraRequest::Node { name, place } => {
+            let Some(camera) = cameras.iter().find(|camera| camera.node == *name) else {
+                let names: Vec<String> = cameras.iter().map(|c| format!("`{}`", c.node)).collect();
+                let remedy = match (file, names.is_empty()) {
+                    (None, _) => "the job names no glTF scene; add `scene`".to_owned(),
+                    (_, true) => {
+                        "the scene has no cameras; give `position` and `look_at`".to_owned()
+                    }
+                    _ => format!("the scene's cameras are {}", names.join(", ")),
+                };
+                return Err(Error::missing(
+                    place.clone(),
+                    format!("there is no camera node `{name}`"),
+                    remedy,
+                ));
+            };
+            gltf_camera(camera, request, place).map(|camera| (camera, None))
+        }
+        CameraRequest::Auto { fov_y_degrees } => {
+            if let (Some(camera), Some((path, _))) = (cameras.first(), &request.gltf) {
+                let place = Place::part(path, format!("camera `{}`", camera.node));
+                let note = format!("camera `{}` of the scene", camera.node);
+                return gltf_camera(camera, request, &place).map(|camera| (camera, Some(note)));
+            }
+            let Some(bounds) = bounds else {
+                let place = request.gltf.as_ref().map(|(path, _)| Place::file(path));
+                return Err(Error::missing(
+                    place.unwrap_or_default(),
+                    "there is no camera, and no volume with an end that could be framed",
+                    "give the job a `camera` with `position` and `look_at`",
+                ));
+            };
+            let camera = Camera::framing(bounds, *fov_y_degrees, resolution)?;
+            Ok((camera, Some("no camera given: the volumes are framed".into())))
+        }
+    }
+}
+
+fn gltf_camera(
+    camera: &GltfCamera,
+    request: &SceneRequest<'_>,
+    place: &Place,
+) -> Result<Camera, Error> {
+    let Some(fov_y_degrees) = camera.fov_y_degrees else {
+        return Err(Error::unsupported(
+            place.clone(),
+            format!("camera `{}` is orthographic", camera.node),
+            "use a perspective camera",
+        ));
+    };
+    let resolution = request.resolution.unwrap_or_else(|| {
+        let aspect = camera.aspect_ratio.unwrap_or(16.0 / 9.0);
+        let short = |long: f64| (long.round() as u32).max(1);
+        if aspect >= 1.0 { [640, short(640.0 / aspect)] } else { [short(640.0 * aspect), 640] }
+    });
+    Camera::from_transform(&camera.to_world, fov_y_degrees, resolution)
+        .map_err(|error| at(error, place))
+}
+
+fn at(error: Error, place: &Place) -> Error {
+    match error {
+        Error::Invalid { what, remedy, .. } => {
+            Error::Invalid { place: place.clone(), what, remedy }
+        }
+        other => other,
+    }
+}

@@ -1,0 +1,649 @@
+//! Reads what Pileus renders out of a glTF 2.0 file: cameras, punctual lights, volumes.
+//!
+//! Only the JSON part of a file is needed: meshes, materials, textures and animations are not
+//! rendered by this version, and no buffer is read. What is left out is listed.
+
+use std::path::Path;
+
+use glam::{DAffine3, DMat3, DQuat, DVec3, Vec3};
+use gltf::json;
+
+use crate::error::{Error, Place};
+use crate::gltf_volume::{EXTENSION, volume_of_node};
+use crate::json::Document;
+use crate::light::{Light, Point, Spot, Sun};
+use crate::volume_spec::VolumeSpec;
+
+/// What a glTF file contributes to a scene.
+#[derive(Debug, Clone)]
+pub struct GltfScene {
+    /// Its cameras, in the order of the node walk.
+    pub cameras: Vec<GltfCamera>,
+    /// Its punctual lights in radiometric units.
+    pub lights: Vec<Light>,
+    /// Its volumes.
+    pub volumes: Vec<GltfVolume>,
+    /// What it contains and this version leaves out, as sentences.
+    pub not_modelled: Vec<String>,
+    /// Numbers of things in the file, for `info`.
+    pub counts: GltfCounts,
+}
+
+/// A perspective camera of a glTF file.
+#[derive(Debug, Clone, PartialEq)]
+pub struct GltfCamera {
+    /// Name of its node; empty if it has none.
+    pub node: String,
+    /// From the camera's space (it looks along -Z) to the world.
+    pub to_world: DAffine3,
+    /// Full vertical opening angle in degrees; `None` for an orthographic camera.
+    pub fov_y_degrees: Option<f64>,
+    /// Width over height of the view it was made for.
+    pub aspect_ratio: Option<f64>,
+}
+
+/// A volume of a glTF file.
+#[derive(Debug, Clone, PartialEq)]
+pub struct GltfVolume {
+    /// Name of its node; empty if it has none.
+    pub node: String,
+    /// What the node says; its file names are resolved.
+    pub spec: VolumeSpec,
+    /// World transform of the node.
+    pub to_world: DAffine3,
+    /// Where the specification stands, a JSON pointer.
+    pub pointer: String,
+    /// File, line and column of the specification.
+    pub place: Place,
+}
+
+/// Numbers of things in a glTF file.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize)]
+#[expect(missing_docs, reason = "named as glTF names them")]
+pub struct GltfCounts {
+    pub nodes: usize,
+    pub meshes: usize,
+    pub materials: usize,
+    pub textures: usize,
+    pub animations: usize,
+    pub skins: usize,
+}
+
+/// Largest JSON part of a glTF file.
+const MAX_JSON: u64 = 64 << 20;
+/// Largest .glb file.
+const MAX_GLB: u64 = 4 << 30;
+
+/// Extensions that a file may require although this version ignores them: they say how surfaces
+/// look or how meshes and textures are stored, and no surface is rendered.
+const SURFACES_ONLY: [&str; 8] = [
+    "EXT_mesh_gpu_instancing",
+    "EXT_meshopt_compression",
+    "EXT_texture_webp",
+    "KHR_draco_mesh_compression",
+    "KHR_mesh_quantization",
+    "KHR_meshopt_compression",
+    "KHR_texture_basisu",
+    "KHR_texture_transform",
+];
+
+/// Reads a .gltf or .glb file.
+///
+/// `lumens_per_watt` turns the candela and lux of `KHR_lights_punctual` into radiometric units:
+/// intensities are divided by it.
+pub fn load(path: impl AsRef<Path>, lumens_per_watt: f64) -> Result<GltfScene, Error> {
+    let path = path.as_ref();
+    let io = |source| Error::Io { place: Place::file(path), source };
+    let length = std::fs::metadata(path).map_err(io)?.len();
+    if length > MAX_GLB {
+        return Err(Error::unsupported(
+            Place::file(path),
+            format!("the file has {length} bytes"),
+            "split the scene: files of up to 4 GiB are read",
+        ));
+    }
+    let bytes = std::fs::read(path).map_err(io)?;
+    parse(path, &bytes, lumens_per_watt)
+}
+
+/// Reads a glTF file from its bytes; `path` names it and is what its files are relative to.
+pub fn parse(
+    path: impl AsRef<Path>,
+    bytes: &[u8],
+    lumens_per_watt: f64,
+) -> Result<GltfScene, Error> {
+    let path = path.as_ref();
+    if !(lumens_per_watt > 0.0 && lumens_per_watt.is_finite()) {
+        return Err(Error::invalid(
+            Place::part(path, "lumens_per_watt"),
+            format!("{lumens_per_watt} lumens per watt"),
+            "use a number above 0; 683 is the default",
+        ));
+    }
+    let text = json_text(path, bytes)?;
+    let document = Document::new(path, text);
+    let root: json::Root = document.parse()?;
+    if !root.asset.version.starts_with("2.") {
+        return Err(Error::unsupported(
+            document.place("/asset/version"),
+            format!("glTF version `{}`", root.asset.version),
+            "export the scene as glTF 2.0",
+        ));
+    }
+    check_required(&document, &root)?;
+    let mut walk = Walk {
+        document: &document,
+        root: &root,
+        lumens_per_watt,
+        scene: GltfScene {
+            cameras: Vec::new(),
+            lights: Vec::new(),
+            volumes: Vec::new(),
+            not_modelled: Vec::new(),
+            counts: GltfCounts {
+                nodes: root.nodes.len(),
+                meshes: root.meshes.len(),
+                materials: root.materials.len(),
+                textures: root.textures.len(),
+                animations: root.animations.len(),
+                skins: root.skins.len(),
+            },
+        },
+    };
+    walk.run()?;
+    let mut scene = walk.scene;
+    list_not_modelled(&root, &mut scene);
+    Ok(scene)
+}
+
+/// The JSON part of a .gltf or .glb file (glTF 2.0, section 4.4).
+fn json_text<'a>(path: &Path, bytes: &'a [u8]) -> Result<&'a str, Error> {
+    let invalid = |what: &str| {
+        Error::invalid(Place::file(path), what, "export the file again, it is damaged")
+    };
+    let word = |at: usize| {
+        let word = bytes.get(at..at + 4)?;
+        Some(u32::from_le_bytes(word.try_into().ok()?))
+    };
+    let json = if bytes.starts_with(b"glTF") {
+        let (Some(version), Some(length), Some(kind)) = (word(4), word(12), word(16)) else {
+            return Err(invalid("the .glb file ends in its header"));
+        };
+        if version != 2 {
+            return Err(Error::unsupported(
+                Place::file(path),
+                format!("version {version} of the .glb container"),
+                "export the scene as glTF 2.0",
+            ));
+        }
+        if kind != u32::from_le_bytes(*b"JSON") {
+            return Err(invalid("the first chunk of the .glb file is not JSON"));
+        }
+        let end = usize::try_from(length).ok().and_then(|l| l.checked_add(20));
+        end.and_then(|end| bytes.get(20..end))
+            .ok_or_else(|| invalid("the .glb file ends inside its JSON"))?
+    } else {
+        // A byte order mark is not allowed, but harmless.
+        bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes)
+    };
+    if json.len() as u64 > MAX_JSON {
+        return Err(Error::unsupported(
+            Place::file(path),
+            format!("the JSON has {} bytes", json.len()),
+            "keep meshes in a binary buffer: JSON of up to 64 MiB is read",
+        ));
+    }
+    std::str::from_utf8(json).map_err(|_| invalid("the JSON is not UTF-8"))
+}
+
+fn check_required(document: &Document, root: &json::Root) -> Result<(), Error> {
+    let known = |name: &str| {
+        name == EXTENSION
+            || name == "KHR_lights_punctual"
+            || name.starts_with("KHR_materials_")
+            || SURFACES_ONLY.contains(&name)
+    };
+    let unknown: Vec<&str> =
+        root.extensions_required.iter().map(String::as_str).filter(|name| !known(name)).collect();
+    if unknown.is_empty() {
+        return Ok(());
+    }
+    Err(Error::unsupported(
+        document.place("/extensionsRequired"),
+        format!("the file requires extensions that are not supported: {}", unknown.join(", ")),
+        format!(
+            "export without them; supported are {EXTENSION} and KHR_lights_punctual, and those \
+             that only touch surfaces are accepted: KHR_materials_*, {}",
+            SURFACES_ONLY.join(", ")
+        ),
+    ))
+}
+
+struct Walk<'a> {
+    document: &'a Document,
+    root: &'a json::Root,
+    lumens_per_watt: f64,
+    scene: GltfScene,
+}
+
+impl Walk<'_> {
+    /// Visits every node of the default scene once, parents before children, in file order.
+    fn run(&mut self) -> Result<(), Error> {
+        let mut stack: Vec<(usize, DAffine3)> = Vec::new();
+        let mut roots = self.roots()?;
+        roots.reverse();
+        stack.extend(roots.into_iter().map(|node| (node, DAffine3::IDENTITY)));
+        let mut visited = vec![false; self.root.nodes.len()];
+        while let Some((index, parent)) = stack.pop() {
+            let pointer = format!("/nodes/{index}");
+            let (Some(node), Some(seen)) = (self.root.nodes.get(index), visited.get_mut(index))
+            else {
+                return Err(Error::invalid(
+                    self.document.place("/nodes"),
+                    format!("node {index} does not exist"),
+                    "export the file again, its node tree is damaged",
+                ));
+            };
+            if std::mem::replace(seen, true) {
+                return Err(Error::invalid(
+                    self.document.place(&pointer),
+                    format!("node {index} has two parents or is its own ancestor"),
+                    "export the file again, its node tree is damaged",
+                ));
+            }
+            let to_world = parent * self.local_transform(&pointer, node)?;
+            if !to_world.is_finite() {
+                return Err(Error::invalid(
+                    self.document.place(&pointer),
+                    "the node's world transform is not finite",
+                    "check the scales of the node and its parents",
+                ));
+            }
+            self.visit(index, node, &to_world)?;
+            let children = node.children.as_deref().unwrap_or_default();
+            stack.extend(children.iter().rev().map(|child| (child.value(), to_world)));
+        }
+        Ok(())
+    }
+
+    fn roots(&self) -> Result<Vec<usize>, Error> {
+        let index = self.root.scene.map_or(0, |scene| scene.value());
+        if let Some(scene) = self.root.scenes.get(index) {
+            return Ok(scene.nodes.iter().map(json::Index::value).collect());
+        }
+        if self.root.scene.is_some() {
+            return Err(Error::invalid(
+                self.document.place("/scene"),
+                format!("scene {index} does not exist"),
+                "export the file again",
+            ));
+        }
+        // Without scenes every node that is nobody's child is a root.
+        let mut is_child = vec![false; self.root.nodes.len()];
+        for child in self.root.nodes.iter().filter_map(|n| n.children.as_ref()).flatten() {
+            if let Some(flag) = is_child.get_mut(child.value()) {
+                *flag = true;
+            }
+        }
+        Ok((0..is_child.len()).filter(|&i| is_child.get(i) == Some(&false)).collect())
+    }
+
+    fn local_transform(&self, pointer: &str, node: &json::scene::Node) -> Result<DAffine3, Error> {
+        if let Some(matrix) = node.matrix {
+            let [x, y, z, w] = [0, 4, 8, 12].map(|column| {
+                let at = |row: usize| matrix.get(column + row).map_or(0.0, |&v| f64::from(v));
+                DVec3::new(at(0), at(1), at(2))
+            });
+            return Ok(DAffine3 { matrix3: DMat3::from_cols(x, y, z), translation: w });
+        }
+        let vector = |v: [f32; 3]| DVec3::from_array(v.map(f64::from));
+        let rotation = match node.rotation {
+            None => DQuat::IDENTITY,
+            Some(json::scene::UnitQuaternion(q)) => {
+                let q = DQuat::from_array(q.map(f64::from));
+                if !(q.length_squared() > 1e-12 && q.is_finite()) {
+                    return Err(Error::invalid(
+                        self.document.place(&format!("{pointer}/rotation")),
+                        "the rotation is not a unit quaternion",
+                        "export the file again",
+                    ));
+                }
+                q.normalize()
+            }
+        };
+        Ok(DAffine3::from_scale_rotation_translation(
+            node.scale.map_or(DVec3::ONE, vector),
+            rotation,
+            node.translation.map_or(DVec3::ZERO, vector),
+        ))
+    }
+
+    fn visit(
+        &mut self,
+        index: usize,
+        node: &json::scene::Node,
+        to_world: &DAffine3,
+    ) -> Result<(), Error> {
+        let name = node.name.clone().unwrap_or_default();
+        if let Some(camera) = node.camera {
+            self.camera(&name, camera.value(), to_world)?;
+        }
+        let extensions = node.extensions.as_ref();
+        if let Some(light) = extensions.and_then(|e| e.khr_lights_punctual.as_ref()) {
+            self.light(&name, light.light.value(), to_world)?;
+        }
+        let has_extension = extensions.is_some_and(|e| e.others.contains_key(EXTENSION));
+        let extras = node.extras.as_ref().map(|extras| extras.get());
+        if let Some((spec, pointer)) = volume_of_node(self.document, index, has_extension, extras)?
+        {
+            let place = self.document.place(&pointer);
+            self.scene.volumes.push(GltfVolume {
+                node: name,
+                spec,
+                to_world: *to_world,
+                pointer,
+                place,
+            });
+        }
+        Ok(())
+    }
+
+    fn camera(&mut self, node: &str, index: usize, to_world: &DAffine3) -> Result<(), Error> {
+        let Some(camera) = self.root.cameras.get(index) else {
+            return Err(self.no_such("camera", index, node));
+        };
+        let fov_y_degrees = camera.perspective.as_ref().map(|p| f64::from(p.yfov).to_degrees());
+        let aspect_ratio = camera
+            .perspective
+            .as_ref()
+            .and_then(|p| p.aspect_ratio)
+            .map(f64::from)
+            .filter(|a| (1e-3..=1e3).contains(a));
+        self.scene.cameras.push(GltfCamera {
+            node: node.to_owned(),
+            to_world: *to_world,
+            fov_y_degrees,
+            aspect_ratio,
+        });
+        Ok(())
+    }
+
+    fn light(&mut self, node: &str, index: usize, to_world: &DAffine3) -> Result<(), Error> {
+        use json::extensions::scene::khr_lights_punctual::Type;
+        use json::validation::Checked;
+
+        let lights = self.root.extensions.as_ref().and_then(|e| e.khr_lights_punctual.as_ref());
+        let Some(light) = lights.and_then(|l| l.lights.get(index)) else {
+            return Err(self.no_such("light", index, node));
+        };
+        let pointer = format!("/extensions/KHR_lights_punctual/lights/{index}");
+        let invalid = |what: &str| {
+            Error::invalid(
+                self.document.place(&pointer),
+                what,
+                "correct the light and export again",
+            )
+        };
+        let scale = f64::from(light.intensity) / self.lumens_per_watt;
+        let intensity = Vec3::from_array(light.color.map(|c| (f64::from(c) * scale) as f32));
+        if !(intensity.is_finite() && intensity.min_element() >= 0.0) {
+            return Err(invalid("the light's colour times intensity is negative or not finite"));
+        }
+        let along = to_world.transform_vector3(DVec3::NEG_Z).try_normalize();
+        let Some(along) = along else {
+            return Err(invalid("the light's node is scaled to nothing"));
+        };
+        let (position, direction) = (to_world.translation, along.as_vec3().normalize());
+        let light_here = match light.type_ {
+            Checked::Invalid => {
+                return Err(invalid("the light's type is not directional, point or spot"));
+            }
+            Checked::Valid(Type::Directional) => Light::Sun(Sun {
+                to_light: -direction,
+                irradiance: intensity,
+                angular_diameter: 0.0,
+            }),
+            Checked::Valid(Type::Point) => Light::Point(Point { position, intensity }),
+            Checked::Valid(Type::Spot) => {
+                let spot = light.spot.clone().unwrap_or_else(|| {
+                    json::extensions::scene::khr_lights_punctual::Spot {
+                        inner_cone_angle: 0.0,
+                        outer_cone_angle: std::f32::consts::FRAC_PI_4,
+                        ..Default::default()
+                    }
+                });
+                let (inner, outer) = (spot.inner_cone_angle, spot.outer_cone_angle);
+                // The specification allows outer angles up to a quarter turn; a whole half turn
+                // still has a meaning.
+                if !(inner >= 0.0 && inner <= outer && outer <= std::f32::consts::PI) {
+                    return Err(invalid("the spot's cone angles are not 0 <= inner <= outer"));
+                }
+                let (cos_inner, cos_outer) = (inner.cos(), outer.cos());
+                Light::Spot(Spot { position, direction, intensity, cos_inner, cos_outer })
+            }
+        };
+        if let Some(range) = light.range {
+            self.scene.not_modelled.push(format!(
+                "the range of {range} of light `{node}`: light falls off with the square of the \
+                 distance and never ends"
+            ));
+        }
+        self.scene.lights.push(light_here);
+        Ok(())
+    }
+
+    fn no_such(&self, what: &str, index: usize, node: &str) -> Error {
+        Error::invalid(
+            self.document.place("/nodes"),
+            format!("node `{node}` names {what} {index}, which does not exist"),
+            "export the file again",
+        )
+    }
+}
+
+fn list_not_modelled(root: &json::Root, scene: &mut GltfScene) {
+    let plural = |n: usize, one: &str, many: &str| {
+        if n == 1 { format!("1 {one}") } else { format!("{n} {many}") }
+    };
+    let meshes = root.nodes.iter().filter(|node| node.mesh.is_some()).count();
+    if meshes > 0 {
+        let nodes = plural(meshes, "node with a mesh", "nodes with meshes");
+        scene.not_modelled.push(format!(
+            "surfaces: {nodes} and {}; they neither show nor cast shadows",
+            plural(root.materials.len(), "material", "materials")
+        ));
+    }
+    let emissive =
+        root.materials.iter().filter(|m| m.emissive_factor.0.iter().any(|&c| c > 0.0)).count();
+    if emissive > 0 {
+        let materials = plural(emissive, "emissive material", "emissive materials");
+        scene.not_modelled.push(format!("light from surfaces: {materials}"));
+    }
+    if !root.animations.is_empty() {
+        let animations = plural(root.animations.len(), "animation", "animations");
+        scene.not_modelled.push(format!("{animations}: the rest pose is rendered"));
+    }
+    for volume in scene.volumes.iter().filter(|v| v.spec.emission.is_some()) {
+        scene
+            .not_modelled
+            .push(format!("emission of volume `{}`: it gives off no light", volume.node));
+    }
+    let known = |name: &str| name == EXTENSION || name == "KHR_lights_punctual";
+    let left_out: Vec<&str> =
+        root.extensions_used.iter().map(String::as_str).filter(|name| !known(name)).collect();
+    if !left_out.is_empty() {
+        scene.not_modelled.push(format!("extensions: {}", left_out.join(", ")));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(text: &str) -> Result<GltfScene, Error> {
+        parse("folder/a.gltf", text.as_bytes(), 683.0)
+    }
+
+    fn with_nodes(nodes: &str, more: &str) -> String {
+        format!(
+            "{{\"asset\":{{\"version\":\"2.0\"}},\"scenes\":[{{\"nodes\":[0]}}],\"nodes\":{nodes}{more}}}"
+        )
+    }
+
+    #[test]
+    fn extension_extras_object_and_flat_keys_say_the_same() {
+        let object = r#"{"vdb":"a b.vdb","density":{"grid":"d","scale":8},"up_axis":"z",
+            "albedo":[0.8,0.8,0.85],"phase":{"type":"henyey_greenstein","g":0.3}}"#;
+        let uri = object.replace("a b", "a%20b");
+        let flat = r#"{"pileus_vdb":"a b.vdb","pileus_grid":"d","pileus_density_scale":8,
+            "pileus_up_axis":"z","pileus_albedo":[0.8,0.8,0.85],"pileus_g":0.3,"other":[]}"#;
+        let nodes = [
+            format!(r#"[{{"extensions":{{"PILEUS_volume":{uri}}}}}]"#),
+            format!(r#"[{{"extras":{{"pileus_volume":{object}}}}}]"#),
+            format!(r#"[{{"extras":{flat}}}]"#),
+        ];
+        let specs = nodes.map(|nodes| {
+            let scene = read(&with_nodes(&nodes, "")).unwrap();
+            assert_eq!(scene.volumes.len(), 1);
+            scene.volumes[0].spec.clone()
+        });
+        assert_eq!(specs[0], specs[1]);
+        assert_eq!(specs[0], specs[2]);
+        assert_eq!(Path::new(specs[0].vdb.as_ref().unwrap()), Path::new("folder/a b.vdb"));
+    }
+
+    #[test]
+    fn wrong_volume_keys_are_placed() {
+        let text = with_nodes(
+            "[{\n\"extensions\":{\"PILEUS_volume\":{\"vdb\":\"a\",\n \"albdo\":1}}}]",
+            "",
+        );
+        let error = read(&text).unwrap_err();
+        assert_eq!((error.place().line, error.place().column), (Some(3), Some(2)));
+        assert_eq!(error.place().part.as_deref(), Some("/nodes/0/extensions/PILEUS_volume/albdo"));
+        assert!(error.remedy().contains("did you mean `albedo`?"), "{}", error.remedy());
+
+        let error = read(&with_nodes(r#"[{"extras":{"pileus_vdb":"a","pileus_albdo":1}}]"#, ""));
+        let error = error.unwrap_err();
+        assert!(error.remedy().contains("did you mean `pileus_albedo`?"));
+        assert_eq!(error.place().part.as_deref(), Some("/nodes/0/extras/pileus_albdo"));
+        for extras in [
+            r#"{"pileus_g":1}"#,
+            r#"{"pileus_vdb":1}"#,
+            r#"{"pileus_vdb":"a","pileus_g":"x"}"#,
+            r#"{"pileus_vdb":"a","pileus_albedo":[1,2]}"#,
+            r#"{"pileus_vdb":"a","pileus_up_axis":"x"}"#,
+        ] {
+            let error = read(&with_nodes(&format!(r#"[{{"extras":{extras}}}]"#), ""));
+            assert!(matches!(error, Err(Error::Invalid { .. })), "{extras}");
+        }
+        for extras in ["3", "[1]", "null", "{\"density\":3}"] {
+            let scene = read(&with_nodes(&format!(r#"[{{"extras":{extras}}}]"#), "")).unwrap();
+            assert!(scene.volumes.is_empty());
+        }
+    }
+
+    #[test]
+    fn lights_get_radiometric_units_and_directions() {
+        let lights = |lights: &str| {
+            format!(r#","extensions":{{"KHR_lights_punctual":{{"lights":[{lights}]}}}}"#)
+        };
+        // A quarter turn about X takes -Z to -Y... seen from the light: it shines upwards for +.
+        let node = r#"[{"rotation":[0.70710678,0,0,0.70710678],"translation":[1,2,3],
+            "extensions":{"KHR_lights_punctual":{"light":0}}}]"#;
+        let read_one =
+            |text: &str| read(&with_nodes(node, &lights(text))).map(|s| s.lights[0].clone());
+        let sun = read_one(r#"{"type":"directional","color":[1,0.5,0],"intensity":1366}"#).unwrap();
+        let Light::Sun(sun) = sun else { panic!("{sun:?}") };
+        assert!((sun.irradiance - Vec3::new(2.0, 1.0, 0.0)).length() < 1e-6);
+        assert!((sun.to_light - Vec3::NEG_Y).length() < 1e-6, "{}", sun.to_light);
+        let spot =
+            read_one(r#"{"type":"spot","intensity":683,"spot":{"outerConeAngle":0.5}}"#).unwrap();
+        let Light::Spot(spot) = spot else { panic!("{spot:?}") };
+        assert!((spot.direction - Vec3::Y).length() < 1e-6);
+        assert_eq!((spot.cos_inner, spot.cos_outer), (1.0, 0.5f32.cos()));
+        assert_eq!(spot.position, DVec3::new(1.0, 2.0, 3.0));
+        let point = read_one(r#"{"type":"point","intensity":6830}"#).unwrap();
+        let Light::Point(point) = point else { panic!("{point:?}") };
+        assert!((point.intensity.x - 10.0).abs() < 1e-6);
+        for bad in [
+            r#"{"type":"area"}"#,
+            r#"{"type":"point","intensity":-1}"#,
+            r#"{"type":"point","intensity":1e300}"#,
+            r#"{"type":"spot","spot":{"innerConeAngle":1,"outerConeAngle":0.5}}"#,
+        ] {
+            assert!(matches!(read_one(bad), Err(Error::Invalid { .. })), "{bad}");
+        }
+    }
+
+    #[test]
+    fn damaged_trees_are_errors() {
+        let invalid = |text: &str| matches!(read(text), Err(Error::Invalid { .. }));
+        assert!(invalid(&with_nodes(r#"[{"children":[0]}]"#, "")));
+        assert!(invalid(&with_nodes(r#"[{"children":[1]},{"children":[0]}]"#, "")));
+        assert!(invalid(&with_nodes(r#"[{"children":[1,1]},{}]"#, "")));
+        assert!(invalid(&with_nodes(r#"[{"children":[7]}]"#, "")));
+        assert!(invalid(&with_nodes(r#"[{"camera":3}]"#, "")));
+        assert!(invalid(&with_nodes("[{}]", ",\"scene\":4")));
+        assert!(invalid(&with_nodes("[]", "")));
+        assert!(invalid(&with_nodes(r#"[{"rotation":[0,0,0,0]}]"#, "")));
+        assert!(!invalid(&with_nodes(r#"[{"scale":[1e30,1,1]}]"#, "")));
+        assert!(invalid(&with_nodes(r#"[{"scale":[1e300,1,1]}]"#, "")));
+        assert!(invalid(&with_nodes(
+            r#"[{"extensions":{"KHR_lights_punctual":{"light":0}}}]"#,
+            ""
+        )));
+        assert!(invalid("{}"));
+        assert!(invalid("glTF"));
+        // Ten thousand levels deep: no recursion.
+        let chain: Vec<String> =
+            (1..10_000).map(|i| format!("{{\"children\":[{i}]}}")).chain(["{}".into()]).collect();
+        assert!(read(&with_nodes(&format!("[{}]", chain.join(",")), "")).is_ok());
+    }
+
+    #[test]
+    fn required_extensions_are_listed_when_unknown() {
+        let more = r#","extensionsRequired":["KHR_lights_punctual","VENDOR_a","KHR_materials_ior","VENDOR_b"]"#;
+        let error = read(&with_nodes("[{}]", more)).unwrap_err();
+        assert!(matches!(error, Error::Unsupported { .. }));
+        assert!(error.to_string().contains("VENDOR_a, VENDOR_b"), "{error}");
+        let more = r#","extensionsRequired":["PILEUS_volume","KHR_materials_ior"]"#;
+        assert!(read(&with_nodes("[{}]", more)).is_ok());
+        let old = with_nodes("[{}]", "").replace("2.0", "1.0");
+        assert!(matches!(read(&old), Err(Error::Unsupported { .. })));
+    }
+
+    #[test]
+    fn binary_containers_are_split_and_checked() {
+        let text = with_nodes("[{}]", "");
+        let mut glb = b"glTF".to_vec();
+        for word in [2, 20 + text.len() as u32, text.len() as u32] {
+            glb.extend(word.to_le_bytes());
+        }
+        glb.extend(b"JSON");
+        glb.extend(text.as_bytes());
+        assert!(parse("a.glb", &glb, 683.0).is_ok());
+        for length in 0..glb.len() {
+            assert!(parse("a.glb", &glb[..length], 683.0).is_err(), "{length}");
+        }
+        let mut wrong = glb.clone();
+        wrong[4] = 1;
+        assert!(matches!(parse("a.glb", &wrong, 683.0), Err(Error::Unsupported { .. })));
+        wrong = glb;
+        wrong[12..16].fill(0xff);
+        assert!(parse("a.glb", &wrong, 683.0).is_err());
+    }
+
+    #[test]
+    fn transforms_multiply_down_the_tree() {
+        let nodes = r#"[{"translation":[1,0,0],"scale":[2,2,2],"children":[1]},
+            {"matrix":[1,0,0,0, 0,1,0,0, 0,0,1,0, 0,3,0,1],"camera":0,"name":"C"}]"#;
+        let camera = r#","cameras":[{"type":"perspective","perspective":{"yfov":0.5,"znear":0.1,"aspectRatio":1.5}}]"#;
+        let scene = read(&with_nodes(nodes, camera)).unwrap();
+        let camera = &scene.cameras[0];
+        assert_eq!(camera.node, "C");
+        assert_eq!(camera.to_world.translation, DVec3::new(1.0, 6.0, 0.0));
+        assert!((camera.fov_y_degrees.unwrap() - 0.5f64.to_degrees()).abs() < 1e-5);
+        assert_eq!(camera.aspect_ratio, Some(1.5));
+    }
+}

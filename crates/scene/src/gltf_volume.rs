@@ -1,0 +1,187 @@
+//! Volumes in glTF: the extension `PILEUS_volume` and its fallback, a node's `extras`.
+
+use std::path::Path;
+
+use serde_json::{Map, Value};
+
+use crate::error::{Error, Place};
+use crate::json::{Document, nearest};
+use crate::uri::{resolve_name, resolve_uri};
+use crate::volume_spec::{
+    AlbedoSpec, DensitySpec, EmissionSpec, PhaseSpec, Rgb, TemperatureSpec, UpAxis, VolumeSpec,
+};
+
+/// The name of the node extension.
+pub(crate) const EXTENSION: &str = "PILEUS_volume";
+
+/// Key of `extras` that holds the same object as the extension.
+const NESTED: &str = "pileus_volume";
+
+/// Flat keys of `extras`, what Blender writes from an object's custom properties.
+const FLAT: [&str; 13] = [
+    "pileus_vdb",
+    "pileus_grid",
+    "pileus_density_scale",
+    "pileus_albedo",
+    "pileus_g",
+    "pileus_extinction",
+    "pileus_temperature_grid",
+    "pileus_temperature_scale",
+    "pileus_emission_intensity",
+    "pileus_emission_grid",
+    "pileus_emission_color",
+    "pileus_emission_scale",
+    "pileus_up_axis",
+];
+
+/// What node `index` says about a volume, its paths resolved relative to the glTF file.
+///
+/// Returns the specification and the JSON pointer where it stands.
+pub(crate) fn volume_of_node(
+    document: &Document,
+    index: usize,
+    has_extension: bool,
+    extras: Option<&str>,
+) -> Result<Option<(VolumeSpec, String)>, Error> {
+    let base = document.path().parent().unwrap_or(Path::new(""));
+    let node = format!("/nodes/{index}");
+    if has_extension {
+        let pointer = format!("{node}/extensions/{EXTENSION}");
+        if let Some(spec) = document.parse_at::<VolumeSpec>(&pointer) {
+            let mut spec = spec?;
+            if let Some(uri) = &spec.vdb {
+                let place = document.place(&format!("{pointer}/vdb"));
+                spec.vdb = Some(path_text(&resolve_uri(base, uri, &place)?));
+            }
+            return Ok(Some((spec, pointer)));
+        }
+    }
+    // Extras may be any value; only an object can hold our keys.
+    let Some(Ok(extras)) = extras.map(serde_json::from_str::<Map<String, Value>>) else {
+        return Ok(None);
+    };
+    let pointer = format!("{node}/extras");
+    if extras.contains_key(NESTED) {
+        let pointer = format!("{pointer}/{NESTED}");
+        let Some(spec) = document.parse_at::<VolumeSpec>(&pointer) else { return Ok(None) };
+        let mut spec = spec?;
+        spec.vdb = spec.vdb.map(|name| path_text(&resolve_name(base, &name)));
+        return Ok(Some((spec, pointer)));
+    }
+    let flat = Flat { document, pointer: &pointer, extras: &extras };
+    Ok(flat.volume(base)?.map(|spec| (spec, pointer)))
+}
+
+fn path_text(path: &Path) -> String {
+    path.to_string_lossy().into_owned()
+}
+
+struct Flat<'a> {
+    document: &'a Document,
+    pointer: &'a str,
+    extras: &'a Map<String, Value>,
+}
+
+impl Flat<'_> {
+    fn volume(&self, base: &Path) -> Result<Option<VolumeSpec>, Error> {
+        let mut any = false;
+        for key in self.extras.keys().filter(|key| key.starts_with("pileus_")) {
+            any = true;
+            if !FLAT.contains(&key.as_str()) {
+                let near = nearest(key, FLAT.into_iter().chain([NESTED])).unwrap_or_default();
+                return Err(Error::invalid(
+                    self.place(key),
+                    format!("unknown custom property `{key}`"),
+                    format!("did you mean `{near}`? Known here: `{}`", FLAT.join("`, `")),
+                ));
+            }
+        }
+        if !any {
+            return Ok(None);
+        }
+        let Some(vdb) = self.text("pileus_vdb")? else {
+            return Err(Error::invalid(
+                self.document.place(self.pointer),
+                "the node has `pileus_` properties but no `pileus_vdb`",
+                "add `pileus_vdb` with the name of an OpenVDB file",
+            ));
+        };
+        let up_axis = match self.text("pileus_up_axis")?.as_deref() {
+            None => None,
+            Some("y" | "Y") => Some(UpAxis::Y),
+            Some("z" | "Z") => Some(UpAxis::Z),
+            Some(_) => return Err(self.wrong("pileus_up_axis", "\"y\" or \"z\"")),
+        };
+        let phase = self.number("pileus_g")?.map(|g| PhaseSpec::HenyeyGreenstein { g });
+        Ok(Some(VolumeSpec {
+            vdb: Some(path_text(&resolve_name(base, &vdb))),
+            density: Some(DensitySpec {
+                grid: self.text("pileus_grid")?,
+                scale: self.number("pileus_density_scale")?,
+            }),
+            albedo: self.rgb("pileus_albedo")?.map(AlbedoSpec::Constant),
+            extinction: self.rgb("pileus_extinction")?,
+            phase,
+            emission: self.emission()?,
+            up_axis,
+            ..VolumeSpec::default()
+        }))
+    }
+
+    fn emission(&self) -> Result<Option<EmissionSpec>, Error> {
+        let intensity = self.number("pileus_emission_intensity")?;
+        let temperature_scale = self.number("pileus_temperature_scale")?;
+        let color = self.rgb("pileus_emission_color")?;
+        let scale = self.number("pileus_emission_scale")?;
+        if let Some(grid) = self.text("pileus_emission_grid")? {
+            return Ok(Some(EmissionSpec::Grid { grid, color, scale }));
+        }
+        Ok(self.text("pileus_temperature_grid")?.map(|grid| EmissionSpec::Blackbody {
+            temperature: TemperatureSpec { grid, scale: temperature_scale, offset: None },
+            intensity,
+            normalised: None,
+        }))
+    }
+
+    fn place(&self, key: &str) -> Place {
+        let key = key.replace('~', "~0").replace('/', "~1");
+        self.document.place(&format!("{}/{key}", self.pointer))
+    }
+
+    fn wrong(&self, key: &str, expected: &str) -> Error {
+        let found = self.extras.get(key).map(Value::to_string).unwrap_or_default();
+        let found: String = found.chars().take(60).collect();
+        Error::invalid(self.place(key), format!("`{key}` is {found}"), format!("give {expected}"))
+    }
+
+    fn text(&self, key: &str) -> Result<Option<String>, Error> {
+        match self.extras.get(key) {
+            None => Ok(None),
+            Some(Value::String(text)) => Ok(Some(text.clone())),
+            Some(_) => Err(self.wrong(key, "a text")),
+        }
+    }
+
+    fn number(&self, key: &str) -> Result<Option<f64>, Error> {
+        match self.extras.get(key) {
+            None => Ok(None),
+            Some(value) => value.as_f64().map(Some).ok_or_else(|| self.wrong(key, "a number")),
+        }
+    }
+
+    fn rgb(&self, key: &str) -> Result<Option<Rgb>, Error> {
+        let wrong = || self.wrong(key, "a number or three numbers");
+        match self.extras.get(key) {
+            None => Ok(None),
+            Some(Value::Array(values)) => {
+                let numbers: Option<Vec<f64>> = values.iter().map(Value::as_f64).collect();
+                match numbers.as_deref() {
+                    // Blender's colour properties may carry an alpha, which means nothing here.
+                    Some(&[r, g, b] | &[r, g, b, _]) => Ok(Some(Rgb::Channels([r, g, b]))),
+                    _ => Err(wrong()),
+                }
+            }
+            Some(value) => value.as_f64().map(|v| Some(Rgb::Grey(v))).ok_or_else(wrong),
+        }
+    }
+}

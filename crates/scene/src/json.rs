@@ -1,0 +1,450 @@
+//! Reading JSON that people write: every fault with its line, column and pointer.
+
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use serde::de::{DeserializeOwned, IgnoredAny};
+
+use crate::error::{Error, Place};
+
+/// A JSON text and the name of its file, able to tell where each value stands.
+#[derive(Debug, Clone)]
+pub struct Document {
+    path: PathBuf,
+    text: String,
+}
+
+/// What is wrong in a JSON text, and where.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Fault {
+    /// JSON pointer (RFC 6901) of the value or key; empty for the whole text.
+    pub pointer: String,
+    /// The faulty stretch of the text in bytes.
+    pub span: Range<usize>,
+    /// What is wrong.
+    pub what: String,
+    /// What to do about it; may be empty.
+    pub remedy: String,
+}
+
+impl Document {
+    /// A document from its text; `path` names it in errors.
+    pub fn new(path: impl AsRef<Path>, text: impl Into<String>) -> Self {
+        Self { path: path.as_ref().to_owned(), text: text.into() }
+    }
+
+    /// The name of the file.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The text.
+    pub fn text(&self) -> &str {
+        &self.text
+    }
+
+    /// Parses the whole document.
+    pub fn parse<T: DeserializeOwned>(&self) -> Result<T, Error> {
+        parse(&self.text).map_err(|fault| self.error(fault))
+    }
+
+    /// Parses the value at a JSON pointer; `None` if there is no such value.
+    pub fn parse_at<T: DeserializeOwned>(&self, pointer: &str) -> Option<Result<T, Error>> {
+        let span = locate(&self.text, pointer)?.value;
+        let part = self.text.get(span.clone())?;
+        Some(parse(part).map_err(|fault| {
+            self.error(Fault {
+                pointer: format!("{pointer}{}", fault.pointer),
+                span: fault.span.start + span.start..fault.span.end + span.start,
+                ..fault
+            })
+        }))
+    }
+
+    /// The place of a value: file, line, column, pointer.
+    pub fn place(&self, pointer: &str) -> Place {
+        match locate(&self.text, pointer) {
+            Some(spans) => self.place_at(pointer, spans.value.start),
+            None => Place::part(&self.path, pointer),
+        }
+    }
+
+    /// The error that a fault in this document is.
+    pub fn error(&self, fault: Fault) -> Error {
+        let place = self.place_at(&fault.pointer, fault.span.start);
+        Error::Invalid { place, what: fault.what, remedy: fault.remedy }
+    }
+
+    fn place_at(&self, pointer: &str, offset: usize) -> Place {
+        let (line, column) = line_and_column(&self.text, offset);
+        let part = if pointer.is_empty() { "top level" } else { pointer };
+        Place { line: Some(line), column: Some(column), ..Place::part(&self.path, part) }
+    }
+}
+
+/// Parses a JSON text strictly: no comments, no trailing text, unknown keys as the type refuses them.
+pub fn parse<T: DeserializeOwned>(text: &str) -> Result<T, Fault> {
+    // Syntax first: the places of values can only be told in a text that is JSON.
+    if let Err(error) = serde_json::from_str::<IgnoredAny>(text) {
+        return Err(syntax_fault(text, &error));
+    }
+    let mut deserializer = serde_json::Deserializer::from_str(text);
+    serde_path_to_error::deserialize(&mut deserializer).map_err(|error| data_fault(text, &error))
+}
+
+/// The name among `known` that is closest to `name`.
+pub fn nearest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    let score = |candidate: &str| {
+        strsim::normalized_damerau_levenshtein(&name.to_lowercase(), &candidate.to_lowercase())
+            + 0.2 * strsim::jaro_winkler(name, candidate)
+    };
+    known.into_iter().max_by(|a, b| score(a).total_cmp(&score(b)))
+}
+
+/// Line and column, both from 1, of a byte offset; the column counts characters.
+pub fn line_and_column(text: &str, offset: usize) -> (usize, usize) {
+    let before = text.as_bytes().get(..offset).unwrap_or(text.as_bytes());
+    let line = before.iter().filter(|&&b| b == b'\n').count() + 1;
+    let start = before.iter().rposition(|&b| b == b'\n').map_or(0, |p| p + 1);
+    // A byte that does not continue a UTF-8 sequence starts a character.
+    let column = before.iter().skip(start).filter(|&&b| b & 0xc0 != 0x80).count() + 1;
+    (line, column)
+}
+
+fn syntax_fault(text: &str, error: &serde_json::Error) -> Fault {
+    let line_start = text
+        .split_inclusive('\n')
+        .take(error.line().saturating_sub(1))
+        .map(str::len)
+        .sum::<usize>();
+    // serde_json counts columns in bytes and points at the offending byte, or past the end.
+    let offset = (line_start + error.column().saturating_sub(1)).min(text.len());
+    let rest = text.as_bytes().get(offset..).unwrap_or_default();
+    let comment = rest.first() == Some(&b'/') || rest.first() == Some(&b'#');
+    let (what, remedy) = if comment {
+        ("comments are not part of JSON".to_owned(), "remove the comment")
+    } else {
+        let message = strip_position(&error.to_string());
+        (format!("this is not JSON: {message}"), "check commas, quotes and brackets here")
+    };
+    let pointer = String::new();
+    Fault { pointer, span: offset..(offset + 1).min(text.len()), what, remedy: remedy.into() }
+}
+
+fn data_fault(text: &str, error: &serde_path_to_error::Error<serde_json::Error>) -> Fault {
+    use serde_path_to_error::Segment;
+    let mut segments: Vec<String> = Vec::new();
+    for segment in error.path().iter() {
+        match segment {
+            Segment::Seq { index } => segments.push(index.to_string()),
+            Segment::Map { key } => segments.push(key.clone()),
+            Segment::Enum { .. } | Segment::Unknown => {}
+        }
+    }
+    let mut message = strip_position(&error.inner().to_string());
+    let mut remedy = String::new();
+    let mut span = None;
+    let names: Vec<String> = quoted(&message);
+    if let Some((name, known)) = names.split_first().filter(|_| message.starts_with("unknown ")) {
+        let is_key = message.starts_with("unknown field");
+        if is_key {
+            if segments.last().is_some_and(|last| last == name) {
+                segments.pop();
+            }
+            if let Some(path) = find_key(text, &segments, name) {
+                segments = path;
+            }
+            span = locate_segments(text, &segments).and_then(|spans| spans.key);
+        }
+        let thing = if is_key { "key" } else { "value" };
+        message = format!("unknown {thing} `{name}`");
+        remedy = match nearest(name, known.iter().map(String::as_str)) {
+            Some(near) => {
+                let known = known.iter().map(|k| format!("`{k}`")).collect::<Vec<_>>().join(", ");
+                format!("did you mean `{near}`? Known here: {known}")
+            }
+            None => "no keys are allowed here".to_owned(),
+        };
+    } else if let Some(name) = names.first().filter(|_| message.starts_with("missing field")) {
+        message = format!("the key `{name}` is missing");
+        remedy = format!("add `\"{name}\": ...` to this object");
+    } else if let Some(name) = names.first().filter(|_| message.starts_with("duplicate field")) {
+        message = format!("the key `{name}` stands here twice");
+        remedy = "keep one of them".to_owned();
+    } else if let Some(path) = find_unexpected(text, &segments, &message) {
+        segments = path;
+    }
+    let span = span
+        .or_else(|| locate_segments(text, &segments).map(|spans| spans.value))
+        .unwrap_or(0..text.len().min(1));
+    Fault { pointer: pointer_of(&segments), span, what: message, remedy }
+}
+
+/// The words between backticks, in order.
+fn quoted(message: &str) -> Vec<String> {
+    message.split('`').skip(1).step_by(2).map(str::to_owned).collect()
+}
+
+fn strip_position(message: &str) -> String {
+    match message.rfind(" at line ") {
+        Some(end) => message[..end].to_owned(),
+        None => message.to_owned(),
+    }
+}
+
+fn pointer_of(segments: &[String]) -> String {
+    segments.iter().map(|s| format!("/{}", s.replace('~', "~0").replace('/', "~1"))).collect()
+}
+
+/// Where a value stands in the text, and its key if it is a member of an object.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Spans {
+    /// The key with its quotes.
+    pub key: Option<Range<usize>>,
+    /// The value.
+    pub value: Range<usize>,
+}
+
+/// Finds the value at a JSON pointer in a text that is valid JSON.
+pub fn locate(text: &str, pointer: &str) -> Option<Spans> {
+    let mut parts = pointer.split('/');
+    if !parts.next()?.is_empty() {
+        return None;
+    }
+    let segments: Vec<String> = parts.map(|p| p.replace("~1", "/").replace("~0", "~")).collect();
+    locate_segments(text, &segments)
+}
+
+fn locate_segments(text: &str, segments: &[String]) -> Option<Spans> {
+    let bytes = text.as_bytes();
+    let start = skip_space(bytes, 0);
+    let mut spans = Spans { key: None, value: start..skip_value(bytes, start)? };
+    for segment in segments {
+        spans = members(text, spans.value.start)?
+            .into_iter()
+            .find(|member| member.name == *segment)
+            .map(|member| member.spans)?;
+    }
+    Some(spans)
+}
+
+struct Member {
+    name: String,
+    spans: Spans,
+}
+
+/// The members of the object or array that starts at `start`; `None` for other values.
+fn members(text: &str, start: usize) -> Option<Vec<Member>> {
+    let bytes = text.as_bytes();
+    let (is_object, end) = match bytes.get(start)? {
+        b'{' => (true, b'}'),
+        b'[' => (false, b']'),
+        _ => return None,
+    };
+    let mut found = Vec::new();
+    let mut at = skip_space(bytes, start + 1);
+    while *bytes.get(at)? != end {
+        let mut key = None;
+        let mut name = found.len().to_string();
+        if is_object {
+            let key_end = skip_value(bytes, at)?;
+            name = serde_json::from_str(text.get(at..key_end)?).ok()?;
+            key = Some(at..key_end);
+            at = skip_space(bytes, skip_space(bytes, key_end) + 1);
+        }
+        let value_end = skip_value(bytes, at)?;
+        found.push(Member { name, spans: Spans { key, value: at..value_end } });
+        at = skip_space(bytes, value_end);
+        if *bytes.get(at)? == b',' {
+            at = skip_space(bytes, at + 1);
+        }
+    }
+    Some(found)
+}
+
+fn skip_space(bytes: &[u8], mut at: usize) -> usize {
+    while bytes.get(at).is_some_and(u8::is_ascii_whitespace) {
+        at += 1;
+    }
+    at
+}
+
+/// The end of the value that starts at `at`, in bytes that are valid JSON.
+fn skip_value(bytes: &[u8], mut at: usize) -> Option<usize> {
+    let mut depth = 0usize;
+    loop {
+        match *bytes.get(at)? {
+            b'"' => {
+                at += 1;
+                while *bytes.get(at)? != b'"' {
+                    at += if bytes.get(at) == Some(&b'\\') { 2 } else { 1 };
+                }
+                at += 1;
+            }
+            b'{' | b'[' => {
+                depth += 1;
+                at += 1;
+            }
+            b'}' | b']' => {
+                depth = depth.checked_sub(1)?;
+                at += 1;
+            }
+            b',' | b':' => at += 1,
+            byte if byte.is_ascii_whitespace() => at += 1,
+            _ => {
+                while bytes.get(at).is_some_and(|b| !b" \t\r\n,:]}".contains(b)) {
+                    at += 1;
+                }
+            }
+        }
+        if depth == 0 {
+            return Some(at);
+        }
+    }
+}
+
+/// Most values that a search below a faulty object looks at.
+const MAX_SEARCH: usize = 10_000;
+
+/// The path of the first value at or below `below` for which `wanted` holds; the value itself is
+/// given as text, its name is that of its member.
+fn search(
+    text: &str,
+    below: &[String],
+    wanted: impl Fn(&str, &str) -> bool,
+) -> Option<Vec<String>> {
+    let start = locate_segments(text, below)?.value;
+    let mut queue = std::collections::VecDeque::from([(below.to_vec(), start)]);
+    let mut seen = 0;
+    while let Some((path, span)) = queue.pop_front() {
+        for member in members(text, span.start).unwrap_or_default() {
+            seen += 1;
+            if seen > MAX_SEARCH {
+                return None;
+            }
+            let mut inner = path.clone();
+            inner.push(member.name.clone());
+            if wanted(&member.name, text.get(member.spans.value.clone())?) {
+                return Some(inner);
+            }
+            queue.push_back((inner, member.spans.value));
+        }
+    }
+    None
+}
+
+/// Objects that choose their keys by a `type` are read as a whole, so that the parser's path ends
+/// at them: the offending key stands somewhere below.
+fn find_key(text: &str, below: &[String], name: &str) -> Option<Vec<String>> {
+    search(text, below, |key, _| key == name)
+}
+
+/// Likewise for "invalid type: string "abc", expected ...": the scalar that reads so.
+fn find_unexpected(text: &str, below: &[String], message: &str) -> Option<Vec<String>> {
+    let unexpected =
+        message.strip_prefix("invalid type: ").or(message.strip_prefix("invalid value: "))?;
+    let unexpected = &unexpected[..unexpected.find(", expected")?];
+    let value = locate_segments(text, below)?.value;
+    if !matches!(text.as_bytes().get(value.start)?, b'{' | b'[') {
+        return None;
+    }
+    let wanted = match unexpected.split_once(' ') {
+        Some(("string", quoted)) => quoted.to_owned(),
+        Some((_, rest)) => quoted(rest).pop()?,
+        None if unexpected == "null" => "null".to_owned(),
+        None => return None,
+    };
+    search(text, below, |_, value| value == wanted)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde::Deserialize;
+
+    #[derive(Debug, Deserialize, PartialEq)]
+    #[serde(deny_unknown_fields)]
+    struct Outer {
+        inner: Vec<Inner>,
+    }
+
+    #[derive(Debug, Deserialize, PartialEq)]
+    #[serde(tag = "type", rename_all = "snake_case", deny_unknown_fields)]
+    enum Inner {
+        Plain {},
+        Scaled { scale: f32 },
+    }
+
+    fn fault(text: &str) -> Fault {
+        parse::<Outer>(text).unwrap_err()
+    }
+
+    #[test]
+    fn unknown_keys_name_the_nearest_and_their_place() {
+        let text = "{\n  \"iner\": []\n}";
+        let found = fault(text);
+        assert_eq!(found.pointer, "/iner");
+        assert_eq!(&text[found.span.clone()], "\"iner\"");
+        assert_eq!(line_and_column(text, found.span.start), (2, 3));
+        assert!(found.remedy.contains("did you mean `inner`?"), "{found:?}");
+    }
+
+    #[test]
+    fn unknown_keys_in_tagged_objects_are_found_as_well() {
+        let text = "{ \"inner\": [ {\"type\":\"plain\"},\n{\"type\":\"scaled\", \"sclae\": 2} ] }";
+        let found = fault(text);
+        assert_eq!(found.pointer, "/inner/1/sclae");
+        assert_eq!(line_and_column(text, found.span.start), (2, 19));
+        assert!(found.remedy.contains("`scale`"));
+        let found = fault("{\"inner\":[{\"type\":\"plain\",\"x\":1}]}");
+        assert_eq!(found.pointer, "/inner/0/x");
+    }
+
+    #[test]
+    fn wrong_types_and_variants_are_placed() {
+        let found = fault("{\"inner\":[{\"type\":\"scaled\",\"scale\":\"big\"}]}");
+        assert_eq!(found.pointer, "/inner/0/scale");
+        let found = fault("{\"inner\":[{\"type\":\"scald\"}]}");
+        assert_eq!(
+            (found.pointer.as_str(), found.what.as_str()),
+            ("/inner/0/type", "unknown value `scald`")
+        );
+        assert!(found.remedy.contains("did you mean `scaled`?"));
+        let found = fault("{\"inner\":[{\"type\":\"scaled\"}]}");
+        assert_eq!(found.what, "the key `scale` is missing");
+        assert_eq!(fault("{\"inner\":3}").pointer, "/inner");
+        assert!(fault("{\"inner\":[],\"inner\":[]}").what.contains("twice"));
+        assert_eq!(fault("[]").pointer, "");
+    }
+
+    #[test]
+    fn syntax_errors_and_comments_are_placed() {
+        let text = "{\n // a comment\n \"inner\": [] }";
+        let found = fault(text);
+        assert!(found.what.contains("comments"), "{found:?}");
+        assert_eq!(line_and_column(text, found.span.start), (2, 2));
+        assert!(fault("{\"inner\": [}").what.contains("not JSON"));
+        assert!(fault("").what.contains("not JSON"));
+        assert!(fault("{\"inner\":[]} x").what.contains("not JSON"));
+        assert!(fault("{\"inner\":[] /* x */}").what.contains("comments"));
+    }
+
+    #[test]
+    fn locates_values_with_escapes_and_strings_that_look_like_structure() {
+        let text = r#" {"a/b": ["x]\"}", {"\u00e9": 1.5e3}], "c~": null}"#;
+        let value = |p: &str| locate(text, p).map(|s| &text[s.value]);
+        assert_eq!(value("/a~1b/0"), Some(r#""x]\"}""#));
+        assert_eq!(value("/a~1b/1/é"), Some("1.5e3"));
+        assert_eq!(value("/c~0"), Some("null"));
+        assert_eq!(value("/nothing"), None);
+        assert_eq!(value("/a~1b/2"), None);
+        assert_eq!(value("").unwrap().len(), text.len() - 1);
+    }
+
+    #[test]
+    fn deep_and_odd_texts_end_in_errors() {
+        let deep = format!("{}{}", "[".repeat(100_000), "]".repeat(100_000));
+        assert!(parse::<serde_json::Value>(&deep).is_err());
+        assert!(parse::<Outer>(&format!("{{\"inner\":{deep}}}")).is_err());
+    }
+}

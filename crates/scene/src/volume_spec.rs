@@ -1,0 +1,376 @@
+//! What a user writes about one volume: the same keys in a job, in the glTF extension
+//! `PILEUS_volume` and in `extras`.
+
+use std::borrow::Cow;
+use std::fmt;
+
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use serde::de::{self, MapAccess, SeqAccess, Visitor};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+/// One volume: grids of an OpenVDB file, or a homogeneous medium.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct VolumeSpec {
+    /// Name for messages and metadata. Default: the name of the file.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub name: Option<String>,
+    /// The OpenVDB file, relative to the file that names it. A run of `#` stands for the frame
+    /// number, padded with zeros to the length of the run. Either this or `homogeneous` is needed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("examples" = ["cumulus.vdb", "smoke.####.vdb"]))]
+    pub vdb: Option<String>,
+    /// The frame number that replaces `#` in `vdb`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub frame: Option<i64>,
+    /// Which grid gives the density and how much extinction it means.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub density: Option<DensitySpec>,
+    /// Extinction of the channels relative to each other; a number means grey. Default 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub extinction: Option<Rgb>,
+    /// Single-scattering albedo between 0 and 1: per channel, grey, or a grid. Default 0.999.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub albedo: Option<AlbedoSpec>,
+    /// The angular law of scattering. Default: isotropic.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub phase: Option<PhaseSpec>,
+    /// Light that the medium gives off. Not rendered by this version: refused in a job, left out
+    /// with a warning in glTF.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub emission: Option<EmissionSpec>,
+    /// How values between voxels are formed. Default `trilinear`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub interpolation: Option<InterpolationSpec>,
+    /// Placement, applied after the grid's own transform (and after `up_axis`).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub transform: Option<TransformSpec>,
+    /// The axis that points up in the OpenVDB file; `z` maps its (x, y, z) to (x, z, -y). Default
+    /// `y`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub up_axis: Option<UpAxis>,
+    /// The same extinction everywhere instead of a grid.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub homogeneous: Option<HomogeneousSpec>,
+}
+
+/// Density: `sigma_t = scale * value * extinction`, per scene unit.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct DensitySpec {
+    /// Name of a float grid, or `name[i]` for the i-th of that name. Default: `density` if there
+    /// is one, else the only fog volume of the file.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("examples" = ["density", "density[1]"]))]
+    pub grid: Option<String>,
+    /// Extinction per scene unit where the grid has the value 1; at least 0. Default 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scale: Option<f64>,
+}
+
+/// A number for all channels, or one per channel (linear Rec. 709).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Rgb {
+    /// The same for all channels.
+    Grey(f64),
+    /// Red, green and blue.
+    Channels([f64; 3]),
+}
+
+impl Rgb {
+    /// The three channels.
+    pub fn channels(self) -> [f64; 3] {
+        match self {
+            Self::Grey(value) => [value; 3],
+            Self::Channels(channels) => channels,
+        }
+    }
+}
+
+/// Single-scattering albedo.
+#[derive(Debug, Clone, PartialEq)]
+pub enum AlbedoSpec {
+    /// The same everywhere.
+    Constant(Rgb),
+    /// The values of a grid of the same file.
+    Grid(String),
+}
+
+/// A phase function, normalised over the sphere.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(tag = "type", rename_all = "snake_case", deny_unknown_fields)]
+pub enum PhaseSpec {
+    /// The same in all directions.
+    Isotropic {},
+    /// Henyey and Greenstein 1941.
+    HenyeyGreenstein {
+        /// Mean cosine between -1 and 1 without its ends; above 0 scatters forward.
+        g: f64,
+    },
+}
+
+/// Light that a medium gives off.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(tag = "type", rename_all = "snake_case", deny_unknown_fields)]
+pub enum EmissionSpec {
+    /// `sigma_a` times the Planck radiance at the temperature.
+    Blackbody {
+        /// Where the temperature comes from.
+        temperature: TemperatureSpec,
+        /// Factor on the radiance. Default 1.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        intensity: Option<f64>,
+        /// Radiance scaled to luminance 1 before `intensity`. Default false: absolute.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        normalised: Option<bool>,
+    },
+    /// Radiance added per scene unit: `scale * color * value`.
+    Grid {
+        /// Name of the grid.
+        grid: String,
+        /// Linear Rec. 709. Default white.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        color: Option<Rgb>,
+        /// Factor. Default 1.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        scale: Option<f64>,
+    },
+}
+
+/// Temperature in kelvin: `scale * value + offset`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct TemperatureSpec {
+    /// Name of the grid.
+    pub grid: String,
+    /// Kelvin per grid unit. Default 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scale: Option<f64>,
+    /// Kelvin where the grid is 0. Default 0.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub offset: Option<f64>,
+}
+
+/// How values between voxels are formed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum InterpolationSpec {
+    /// The value of the nearest voxel.
+    Nearest,
+    /// Linear along each axis.
+    Trilinear,
+    /// Cubic along each axis; not rendered by this version.
+    Tricubic,
+}
+
+/// Scale, then rotation, then translation.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct TransformSpec {
+    /// Scene units. Default [0, 0, 0].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub translation: Option<[f64; 3]>,
+    /// Quaternion (x, y, z, w). Default [0, 0, 0, 1].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rotation: Option<[f64; 4]>,
+    /// Factors along the axes, none of them 0. Default [1, 1, 1].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scale: Option<[f64; 3]>,
+}
+
+/// The axis that points up.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum UpAxis {
+    /// +Y, as in glTF.
+    #[default]
+    Y,
+    /// +Z, as in Blender.
+    Z,
+}
+
+/// The same extinction everywhere.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct HomogeneousSpec {
+    /// Extinction per scene unit, multiplied by `extinction`; at least 0.
+    pub sigma_t: f64,
+    /// Lowest and highest corner of the box it fills; null fills space. Default null.
+    #[serde(default)]
+    pub bounds: Option<[[f64; 3]; 2]>,
+}
+
+impl Serialize for Rgb {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self {
+            Self::Grey(value) => value.serialize(serializer),
+            Self::Channels(channels) => channels.serialize(serializer),
+        }
+    }
+}
+
+impl Serialize for AlbedoSpec {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self {
+            Self::Constant(rgb) => rgb.serialize(serializer),
+            Self::Grid(grid) => GridKey { grid: grid.clone() }.serialize(serializer),
+        }
+    }
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct GridKey {
+    grid: String,
+}
+
+/// Visits a number or three numbers; with `GRID` also an object with the key `grid`. Untagged enums
+/// would do the same, but could not say what is wrong.
+struct RgbVisitor<const GRID: bool>;
+
+impl<'de, const GRID: bool> Visitor<'de> for RgbVisitor<GRID> {
+    type Value = AlbedoSpec;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a number or three numbers")?;
+        if GRID { f.write_str(" or {\"grid\": name}") } else { Ok(()) }
+    }
+
+    fn visit_f64<E: de::Error>(self, value: f64) -> Result<AlbedoSpec, E> {
+        Ok(AlbedoSpec::Constant(Rgb::Grey(value)))
+    }
+
+    fn visit_u64<E: de::Error>(self, value: u64) -> Result<AlbedoSpec, E> {
+        self.visit_f64(value as f64)
+    }
+
+    fn visit_i64<E: de::Error>(self, value: i64) -> Result<AlbedoSpec, E> {
+        self.visit_f64(value as f64)
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> Result<AlbedoSpec, A::Error> {
+        let mut channels = [0.0; 3];
+        for (i, channel) in channels.iter_mut().enumerate() {
+            *channel = seq.next_element()?.ok_or_else(|| de::Error::invalid_length(i, &self))?;
+        }
+        if seq.next_element::<de::IgnoredAny>()?.is_some() {
+            return Err(de::Error::invalid_length(4, &self));
+        }
+        Ok(AlbedoSpec::Constant(Rgb::Channels(channels)))
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<AlbedoSpec, A::Error> {
+        if !GRID {
+            return Err(de::Error::invalid_type(de::Unexpected::Map, &self));
+        }
+        let key = GridKey::deserialize(de::value::MapAccessDeserializer::new(map))?;
+        Ok(AlbedoSpec::Grid(key.grid))
+    }
+}
+
+impl<'de> Deserialize<'de> for Rgb {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        match deserializer.deserialize_any(RgbVisitor::<false>)? {
+            AlbedoSpec::Constant(rgb) => Ok(rgb),
+            AlbedoSpec::Grid(_) => Err(de::Error::custom("a grid is not possible here")),
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for AlbedoSpec {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_any(RgbVisitor::<true>)
+    }
+}
+
+impl JsonSchema for Rgb {
+    fn schema_name() -> Cow<'static, str> {
+        "Rgb".into()
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({
+            "description": "A number for all channels, or [red, green, blue] (linear Rec. 709).",
+            "anyOf": [
+                { "type": "number" },
+                { "type": "array", "items": { "type": "number" }, "minItems": 3, "maxItems": 3 }
+            ]
+        })
+    }
+}
+
+impl JsonSchema for AlbedoSpec {
+    fn schema_name() -> Cow<'static, str> {
+        "Albedo".into()
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({
+            "description": "A number for all channels, [red, green, blue], or a grid of the same file.",
+            "anyOf": [
+                { "type": "number" },
+                { "type": "array", "items": { "type": "number" }, "minItems": 3, "maxItems": 3 },
+                {
+                    "type": "object",
+                    "properties": {
+                        "grid": { "type": "string", "description": "Name of a float or vector grid." }
+                    },
+                    "required": ["grid"],
+                    "additionalProperties": false
+                }
+            ]
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::json;
+
+    #[test]
+    fn reads_every_form_of_the_specification() {
+        let text = r#"{
+            "name": "cloud", "vdb": "cumulus.vdb", "frame": 3,
+            "density": { "grid": "density[1]", "scale": 40.0 },
+            "extinction": [1, 0.5, 0.25], "albedo": {"grid": "Cd"},
+            "phase": { "type": "henyey_greenstein", "g": 0.8 },
+            "emission": { "type": "blackbody", "temperature": { "grid": "temperature", "scale": 1.0,
+                          "offset": 0.0 }, "intensity": 1.0, "normalised": false },
+            "interpolation": "nearest", "up_axis": "z",
+            "transform": { "translation": [0,0,0], "rotation": [0,0,0,1], "scale": [1,1,1] }
+        }"#;
+        let spec: VolumeSpec = json::parse(text).unwrap();
+        assert_eq!(spec.albedo, Some(AlbedoSpec::Grid("Cd".into())));
+        assert_eq!(spec.extinction.unwrap().channels(), [1.0, 0.5, 0.25]);
+        let again: VolumeSpec = json::parse(&serde_json::to_string(&spec).unwrap()).unwrap();
+        assert_eq!(again, spec);
+        let fog: VolumeSpec = json::parse(
+            r#"{ "name": "fog", "homogeneous": { "sigma_t": 0.01, "bounds": null }, "albedo": 0.9 }"#,
+        )
+        .unwrap();
+        assert_eq!(fog.homogeneous.unwrap().bounds, None);
+        assert_eq!(fog.albedo, Some(AlbedoSpec::Constant(Rgb::Grey(0.9))));
+        let grid: VolumeSpec = json::parse(
+            r#"{"emission": { "type": "grid", "grid": "flame", "color": [1,0.35,0.08], "scale": 20 }}"#,
+        )
+        .unwrap();
+        assert!(matches!(grid.emission, Some(EmissionSpec::Grid { .. })));
+    }
+
+    #[test]
+    fn faults_are_placed() {
+        let fault = |text: &str| json::parse::<VolumeSpec>(text).unwrap_err();
+        assert_eq!(fault(r#"{"albedo": [1, 2]}"#).pointer, "/albedo");
+        assert!(fault(r#"{"albedo": [1, 2]}"#).what.contains("three numbers"));
+        assert_eq!(fault(r#"{"albedo": {"gird": "a"}}"#).pointer, "/albedo/gird");
+        assert!(fault(r#"{"extinction": {"grid": "a"}}"#).what.contains("three numbers"));
+        assert!(
+            fault(r#"{"phase": {"type": "isotropic", "g": 1}}"#).what.contains("unknown key `g`")
+        );
+        assert!(
+            fault(r#"{"phase": {"type": "henyey_greenstein", "G": 1}}"#).remedy.contains("`g`")
+        );
+        assert!(fault(r#"{"up_axis": "x"}"#).what.contains("unknown value `x`"));
+    }
+}
