@@ -1,0 +1,127 @@
+//! Optical depths of random rays, known to 1e-10, against our trackers.
+
+mod common;
+
+use glam::DVec3;
+use pileus_media::transmittance::{delta_transmittance, ratio_tracking, ratio_tracking_with_roulette};
+use pileus_media::{Tally, TentativeCollisions, optical_depth};
+use rand_pcg::Pcg32;
+use serde_json::Value;
+
+const ASSETS: [&str; 4] = ["cumulus_small", "syn_plume", "syn_rotated", "syn_sphere"];
+
+struct OracleRay {
+    origin: DVec3,
+    direction: DVec3,
+    t_min: f64,
+    t_max: f64,
+    tau: f64,
+}
+
+fn rays(name: &str) -> (String, f64, Vec<OracleRay>) {
+    let path = common::root().join("tests/data/oracle").join(format!("{name}.json"));
+    let json: Value = serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap();
+    let vec = |v: &Value| {
+        DVec3::new(v[0].as_f64().unwrap(), v[1].as_f64().unwrap(), v[2].as_f64().unwrap())
+    };
+    let rays = json["rays"].as_array().unwrap();
+    let rays = rays
+        .iter()
+        .map(|ray| OracleRay {
+            origin: vec(&ray["origin"]),
+            direction: vec(&ray["direction"]),
+            t_min: ray["tmin"].as_f64().unwrap(),
+            t_max: ray["tmax"].as_f64().unwrap(),
+            tau: ray["optical_depth"].as_f64().unwrap(),
+        })
+        .collect();
+    (json["grid"].as_str().unwrap().to_owned(), json["density_scale"].as_f64().unwrap(), rays)
+}
+
+#[test]
+fn regular_tracking_agrees_to_1e5() {
+    for name in ASSETS {
+        let (grid, scale, rays) = rays(name);
+        let medium = common::medium(&common::asset(&format!("{name}.vdb")), &grid, scale as f32);
+        let mut worst = 0.0f64;
+        for ray in &rays {
+            let tau = optical_depth(
+                &medium,
+                ray.origin,
+                ray.direction,
+                ray.t_min,
+                ray.t_max,
+                &mut Tally::default(),
+            );
+            // The oracle itself is good to 1e-11.
+            let error = ((tau - ray.tau).abs() - 1e-11).max(0.0) / ray.tau.max(1e-30);
+            assert!(error < 1e-5, "{name}: tau {tau}, exact {}", ray.tau);
+            worst = worst.max(error);
+        }
+        println!("{name}: {} rays, worst relative error {worst:.2e}", rays.len());
+    }
+}
+
+/// Null hypothesis per ray: the estimator's mean is `exp(-tau)`. Rays are scaled to a depth of at most 3, so that 20,000 samples tell
+/// the mean well and the normal law holds. |z| < 6.5 fails by chance with probability 8e-11 per ray and estimator: below 1e-6 for the suite.
+#[test]
+fn trackers_are_unbiased_on_every_ray() {
+    const SAMPLES: u32 = 20_000;
+    for name in ASSETS {
+        let (grid, _, rays) = rays(name);
+        let path = common::asset(&format!("{name}.vdb"));
+        let unit = common::medium(&path, &grid, 1.0);
+        let mut tested = 0;
+        for (index, ray) in rays.iter().enumerate() {
+            if ray.tau < 1e-6 || ray.t_min >= ray.t_max {
+                continue;
+            }
+            let scale = (3.0 / ray.tau).min(20.0) as f32;
+            let exact = (-ray.tau * f64::from(scale)).exp();
+            let medium = pileus_media::GridMedium::new(
+                unit.grid().clone(),
+                common::read(&path, &grid).1,
+                [scale; 3],
+                unit.albedo().clone(),
+                *unit.phase(),
+            )
+            .unwrap();
+            let origin = ray.origin + ray.direction * ray.t_min;
+            let Some(span) =
+                medium.span(origin, ray.direction.as_vec3(), ray.t_max - ray.t_min)
+            else {
+                panic!("{name} ray {index}: depth {} but no span", ray.tau);
+            };
+            let walk = || TentativeCollisions::new(medium.any_ray(&span));
+            for estimator in ["ratio", "ratio_roulette", "delta"] {
+                let mut rng = Pcg32::new(index as u64, 11);
+                let mut tally = Tally::default();
+                let (mut sum, mut squares) = (0.0f64, 0.0f64);
+                for _ in 0..SAMPLES {
+                    let x = f64::from(match estimator {
+                        "ratio" => ratio_tracking(walk(), &mut rng, &mut tally),
+                        "ratio_roulette" => {
+                            ratio_tracking_with_roulette(walk(), 0.5, &mut rng, &mut tally)
+                                .transmittance
+                        }
+                        _ => delta_transmittance(walk(), &mut rng, &mut tally),
+                    });
+                    sum += x;
+                    squares += x * x;
+                }
+                assert_eq!(tally.violations, 0);
+                let n = f64::from(SAMPLES);
+                let mean = sum / n;
+                // The rounding of single precision counts as much as noise where there is hardly any.
+                let variance = (squares / n - mean * mean).max(0.0) / n + 1e-12 * exact * exact;
+                // A delta tracker that never saw an event has no variance of its own: take the exact one.
+                let bernoulli = exact * (1.0 - exact) / n;
+                let variance = if estimator == "delta" { bernoulli + 1e-14 } else { variance.max(1e-3 * bernoulli) };
+                let z = (mean - exact) / variance.sqrt();
+                assert!(z.abs() < 6.5, "{name} ray {index} {estimator}: z {z:.2}, mean {mean}, exact {exact}");
+            }
+            tested += 1;
+        }
+        assert!(tested > 20, "{name}: only {tested} rays tested");
+    }
+}
