@@ -2,6 +2,7 @@
 
 use std::fs::File;
 use std::io::{BufReader, Seek};
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
 use exr::prelude as x;
@@ -32,19 +33,20 @@ pub fn read_exr(path: &Path) -> Result<Image, Error> {
     let file = File::open(path).map_err(|e| Error::open(path, e))?;
     let length = file.metadata().map_err(|e| Error::io(path, "read its size", e))?.len();
     let mut reader = BufReader::with_capacity(1 << 18, file);
-    let meta = x::MetaData::read_from_buffered(&mut reader, false).map_err(|e| convert(path, e))?;
+    let meta = guarded(path, || x::MetaData::read_from_buffered(&mut reader, false))?;
     check_headers(&meta, length).map_err(|e| e.in_file(path))?;
     reader.rewind().map_err(|e| Error::io(path, "read it", e))?;
 
-    let picture = x::read()
-        .no_deep_data()
-        .largest_resolution_level()
-        .all_channels()
-        .all_layers()
-        .all_attributes()
-        .non_parallel()
-        .from_buffered(reader)
-        .map_err(|e| convert(path, e))?;
+    let picture = guarded(path, move || {
+        x::read()
+            .no_deep_data()
+            .largest_resolution_level()
+            .all_channels()
+            .all_layers()
+            .all_attributes()
+            .non_parallel()
+            .from_buffered(reader)
+    })?;
 
     let mut parts = picture.layer_data.into_iter().enumerate();
     let Some((_, first)) = parts.next() else {
@@ -79,6 +81,24 @@ pub fn read_exr(path: &Path) -> Result<Image, Error> {
         add_channels(&mut image, part, Some(&name)).map_err(|e| e.in_file(path))?;
     }
     Ok(image)
+}
+
+/// Runs a step of the decoder and turns its panics into errors.
+///
+/// Damaged blocks make some decompressors overflow (B44 in exr 1.74 does). What the step borrows
+/// is not looked at again after a panic.
+fn guarded<T>(
+    path: &Path,
+    step: impl FnOnce() -> Result<T, exr::error::Error>,
+) -> Result<T, Error> {
+    match catch_unwind(AssertUnwindSafe(step)) {
+        Ok(result) => result.map_err(|e| convert(path, e)),
+        Err(_) => Err(Error::invalid(
+            path.display().to_string(),
+            "its blocks cannot be unpacked",
+            "the file is damaged: copy or write it anew",
+        )),
+    }
 }
 
 type Part = x::Layer<x::AnyChannels<x::FlatSamples>>;

@@ -51,7 +51,6 @@ pub struct ExrReport {
 }
 
 const HALF_CLAMPED: &str = "pileus:half_clamped";
-const ALLOWED_TEXTS: [&str; 4] = ["software", "comments", "owner", "capDate"];
 /// Longest text value, 16 MiB.
 const MAX_TEXT: usize = 1 << 24;
 
@@ -87,7 +86,14 @@ pub fn write_exr(path: &Path, image: &Image, settings: &ExrSettings) -> Result<E
         layer_position: x::Vec2(data.x, data.y),
         ..x::LayerAttributes::default()
     };
-    attributes.other = metadata.iter().map(|(key, value)| (text(key), attribute(value))).collect();
+    for (key, value) in &metadata {
+        match (named_text(&mut attributes, key), value) {
+            (Some(field), MetaValue::Text(value)) => *field = Some(text(value)),
+            _ => {
+                attributes.other.insert(text(key), attribute(value));
+            }
+        }
+    }
     let encoding = x::Encoding {
         compression: match settings.compression {
             ExrCompression::Zip => x::Compression::ZIP16,
@@ -157,6 +163,20 @@ fn attribute(value: &MetaValue) -> x::attribute::AttributeValue {
     }
 }
 
+/// The texts among the attributes that EXR reserves.
+fn named_text<'a>(
+    attributes: &'a mut x::LayerAttributes,
+    key: &str,
+) -> Option<&'a mut Option<x::Text>> {
+    match key {
+        "software" => Some(&mut attributes.software_name),
+        "comments" => Some(&mut attributes.comments),
+        "owner" => Some(&mut attributes.owner),
+        "capDate" => Some(&mut attributes.capture_date),
+        _ => None,
+    }
+}
+
 fn bounds(window: Window) -> x::IntegerBounds {
     x::IntegerBounds::new(
         x::Vec2(window.x, window.y),
@@ -176,11 +196,10 @@ fn check_metadata(metadata: &[(String, MetaValue)]) -> Result<(), Error> {
                 "use 1 to 255 printable ASCII characters",
             );
         }
-        let reserved = exr::meta::header::standard_names::ALL.contains(&key.as_bytes())
-            || key == "preview"
-            || key == "chromaticities";
-        let is_text = matches!(value, MetaValue::Text(_));
-        if reserved && !(is_text && ALLOWED_TEXTS.contains(&key.as_str())) {
+        let reserved = exr::meta::header::standard_names::ALL.contains(&key.as_bytes());
+        let allowed = matches!(value, MetaValue::Text(_))
+            && named_text(&mut x::LayerAttributes::default(), key).is_some();
+        if reserved && !allowed {
             return refuse("EXR reserves this name", "put a prefix before it");
         }
         if let MetaValue::Text(text) = value

@@ -123,7 +123,7 @@ fn window_quantile(u: f64) -> f64 {
     solve(u, NODES[cell], NODES[cell + 1])
 }
 
-/// Finds `t` in `[low, high]` with `window_cdf(t) = u`, to 1e-12.
+/// Finds `t` in `[low, high]` with `window_cdf(t) = u`, to about 1e-12.
 fn solve(u: f64, mut low: f64, mut high: f64) -> f64 {
     let mut t = 0.5 * (low + high);
     for _ in 0..64 {
@@ -142,4 +142,45 @@ fn solve(u: f64, mut low: f64, mut high: f64) -> f64 {
         }
     }
     t
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quantile_inverts_the_integral() {
+        for i in 0..=10_000 {
+            let u = f64::from(i) / 10_000.0;
+            let t = window_quantile(u);
+            assert!((0.0..=1.0).contains(&t));
+            assert!((window_cdf(t) - u).abs() < 1e-11, "{u}: {t}");
+        }
+        assert_eq!(window_quantile(f64::NAN), window_quantile(0.0));
+        assert!((window_quantile(0.5) - 0.5).abs() < 1e-11);
+    }
+
+    #[test]
+    fn window_is_that_of_harris() {
+        assert!((window_density(0.5) * WINDOW[0] - 1.0).abs() < 1e-12);
+        assert!((window_density(0.0) * WINDOW[0] - 6e-5).abs() < 1e-12);
+        // Simpson's rule over the density gives the integral.
+        let n = 400;
+        let mut sum = 0.0;
+        for i in 0..n {
+            let (a, b) = (f64::from(i) / f64::from(n), f64::from(i + 1) / f64::from(n));
+            sum += (b - a) / 6.0
+                * (window_density(a) + 4.0 * window_density(0.5 * (a + b)) + window_density(b));
+            assert!((sum - window_cdf(b)).abs() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn bad_radii_are_refused() {
+        for radius in [0.0, -1.0, f32::NAN, f32::INFINITY, 65.0] {
+            assert!(Filter::Box { radius }.validate().is_err());
+            assert!(Filter::BlackmanHarris { radius }.validate().is_err());
+        }
+        assert!(Filter::default().validate().is_ok());
+    }
 }

@@ -246,3 +246,87 @@ impl Wide {
         self.high as f64 * 2f64.powi(128) + self.low as f64
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn wide_arithmetic() {
+        let max = u128::MAX;
+        assert_eq!(Wide::square(max), Wide { high: max - 1, low: 1 });
+        assert_eq!(Wide::square(1 << 64), Wide { high: 1, low: 0 });
+        let product = Wide::product_u160(u32::MAX, max, u32::MAX);
+        // (2^160 - 1)(2^32 - 1) = 2^192 - 2^160 - 2^32 + 1
+        assert_eq!(product.high, (1 << 64) - (1 << 32) - 1);
+        assert_eq!(product.low, max - (1 << 32) + 2);
+        let shifted = Wide { high: 1, low: 3 << 126 }.shifted_left_60();
+        assert_eq!(shifted, Wide { high: (1 << 60) | (3 << 58), low: 0 });
+        let (one, top) = (Wide { high: 0, low: 1 }, Wide { high: 1, low: 0 });
+        assert_eq!(top.saturating_sub(one), Wide { high: 0, low: max });
+        assert_eq!(one.saturating_sub(top), Wide { high: 0, low: 0 });
+        assert_eq!(Wide { high: 3, low: 0 }.saturating_sub(one), Wide { high: 2, low: max });
+    }
+
+    #[test]
+    fn a_full_pixel_of_extreme_samples_does_not_overflow() {
+        let extreme = RADIANCE_LIMIT.next_down();
+        let mut power = PixelMoments::default();
+        assert!(power.add(&PixelSample { rgb: [extreme, -extreme, extreme], alpha: -16.0 }));
+        // 1 + 2 + 4 + ... + 2^31 = 2^32 - 1 samples.
+        let mut all = power;
+        for _ in 1..32 {
+            let copy = power;
+            assert!(power.merge(&copy));
+            assert!(all.merge(&power));
+        }
+        assert_eq!(all.count(), u32::MAX);
+        let e = f64::from(extreme);
+        assert_eq!(all.mean(), [e, -e, e, -16.0]);
+        assert_eq!(all.variance_of_mean(), [0.0; 4]);
+        assert!(!all.add(&PixelSample::default()) && !all.merge(&power));
+        assert_eq!(all.mean(), [e, -e, e, -16.0]);
+    }
+
+    #[test]
+    fn samples_out_of_range_are_left_out() {
+        let mut moments = PixelMoments::default();
+        for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, RADIANCE_LIMIT, -RADIANCE_LIMIT] {
+            assert!(!moments.add(&PixelSample { rgb: [0.0, bad, 0.0], alpha: 0.0 }));
+        }
+        for bad in [f32::NAN, f32::INFINITY, 16.5, -16.5] {
+            assert!(!moments.add(&PixelSample { rgb: [0.0; 3], alpha: bad }));
+        }
+        assert_eq!(moments, PixelMoments::default());
+        assert!(moments.variance_of_mean().iter().all(|v| *v == f64::INFINITY));
+    }
+
+    #[test]
+    fn no_digits_cancel_in_the_variance() {
+        // 2^20 and 2^20 + 1/8 in turn: variance 2^-8, 2^48 times smaller than the square.
+        let mut moments = PixelMoments::default();
+        let n = 1000;
+        for i in 0..n {
+            let v = 1048576.0 + if i % 2 == 0 { 0.0 } else { 0.125 };
+            assert!(moments.add(&PixelSample { rgb: [v; 3], alpha: (i % 2) as f32 }));
+        }
+        let expected = 0.0625f64.powi(2) / f64::from(n - 1);
+        let variance = moments.variance_of_mean();
+        for v in &variance[..3] {
+            assert!((v / expected - 1.0).abs() < 1e-14, "{v} {expected}");
+        }
+        assert!((variance[3] / (0.25 / f64::from(n - 1)) - 1.0).abs() < 1e-14);
+        assert_eq!(moments.mean()[0], 1048576.0625);
+    }
+
+    #[test]
+    fn sizes_are_as_documented() {
+        assert_eq!(size_of::<PixelMoments>(), PIXEL_BYTES);
+        assert_eq!(RADIANCE_QUANTUM, 2f64.powi(-64));
+        assert_eq!(SQUARE_QUANTUM, 2f64.powi(-68));
+        assert_eq!(ALPHA_QUANTUM, 2f64.powi(-27));
+        // Every bit of a pixel has its place in the bytes.
+        let bytes: [u8; PIXEL_BYTES] = std::array::from_fn(|i| i as u8 ^ 0xa5);
+        assert_eq!(PixelMoments::from_bytes(&bytes).to_bytes(), bytes);
+    }
+}

@@ -95,11 +95,93 @@ fn positive_up_to(v: f32, limit: f32) -> f32 {
 /// Linear value to sRGB (IEC 61966-2-1), clipped to `[0, 1]`.
 pub fn srgb_encode(linear: f32) -> f32 {
     let v = positive_up_to(linear, 1.0);
-    if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 }
+    // The power rounds to just below one at one.
+    if v <= 0.003_130_8 {
+        12.92 * v
+    } else if v < 1.0 {
+        1.055 * v.powf(1.0 / 2.4) - 0.055
+    } else {
+        1.0
+    }
 }
 
 /// sRGB (IEC 61966-2-1) to linear value, clipped to `[0, 1]`.
 pub fn srgb_decode(encoded: f32) -> f32 {
     let v = positive_up_to(encoded, 1.0);
     if v <= 0.040_45 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn srgb_transfer() {
+        // 18 % grey and the value of the standard's breakpoint.
+        assert!((srgb_encode(0.18) - 0.461_356).abs() < 1e-5);
+        assert!((srgb_encode(0.003_130_8) - 0.040_45).abs() < 1e-5);
+        for byte in 0..=255u8 {
+            let encoded = f32::from(byte) / 255.0;
+            assert!((srgb_encode(srgb_decode(encoded)) - encoded).abs() < 1e-6);
+        }
+        assert_eq!(srgb_encode(f32::NAN), 0.0);
+        assert_eq!(srgb_encode(f32::INFINITY), 1.0);
+    }
+
+    #[test]
+    fn curves_are_monotone_on_greys() {
+        for curve in [Curve::Filmic, Curve::Srgb] {
+            let tone = ToneMap { exposure_stops: 0.0, curve };
+            let mut last = [0.0; 3];
+            for i in -1600..=1600 {
+                let shown = tone.apply([(i as f32 / 100.0).exp2(); 3]);
+                for c in 0..3 {
+                    assert!((0.0..=1.0).contains(&shown[c]));
+                    assert!(shown[c] >= last[c] - 2e-6, "{curve:?} at 2^{}", i as f32 / 100.0);
+                }
+                // Greys stay grey to the eye.
+                assert!((shown[0] - shown[1]).abs() < 2e-3 && (shown[2] - shown[1]).abs() < 2e-3);
+                last = shown;
+            }
+            assert!(last.iter().all(|v| *v > 0.99));
+        }
+    }
+
+    #[test]
+    fn brightness_grows_with_exposure_for_colours() {
+        let luma = |v: [f32; 3]| {
+            let [r, g, b] = v.map(srgb_decode);
+            0.2126 * r + 0.7152 * g + 0.0722 * b
+        };
+        for colour in [[0.25, 0.45, 1.0], [1.0, 0.35, 0.08], [0.05, 0.8, 0.1], [1.0, 0.9, 0.8]] {
+            let mut last = 0.0;
+            for i in -80..=80 {
+                let tone = ToneMap { exposure_stops: i as f32 / 10.0, curve: Curve::Filmic };
+                let now = luma(tone.apply(colour));
+                assert!(now >= last - 1e-5, "{colour:?} at {} stops", tone.exposure_stops);
+                last = now;
+            }
+        }
+    }
+
+    #[test]
+    fn filmic_keeps_middle_grey_and_rolls_off() {
+        let shown = |v: f32| ToneMap::default().apply([v; 3])[1];
+        // Middle grey within a third of a stop of where sRGB shows it.
+        let grey = srgb_decode(shown(0.18));
+        assert!((grey / 0.18).log2().abs() < 1.0 / 3.0, "{grey}");
+        assert!(shown(1.0) < 0.85 && shown(8.0) > 0.93 && shown(8.0) < shown(16.0));
+        assert_eq!(ToneMap::default().apply_rgb8([0.0; 3]), [0; 3]);
+        assert_eq!(ToneMap::default().apply_rgb8([f32::NAN, -1.0, f32::NEG_INFINITY]), [0; 3]);
+        assert_eq!(ToneMap::default().apply_rgb8([f32::INFINITY; 3]), [255; 3]);
+        // A blue sky stays blue.
+        let [r, g, b] = ToneMap::default().apply([0.2, 0.4, 0.9]);
+        assert!(r < g && g < b);
+    }
+
+    #[test]
+    fn one_stop_doubles() {
+        let tone = ToneMap { exposure_stops: 1.0, curve: Curve::Srgb };
+        assert_eq!(tone.apply([0.1, 0.2, 0.3]), [0.2, 0.4, 0.6].map(srgb_encode));
+    }
 }

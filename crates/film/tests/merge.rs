@@ -1,0 +1,222 @@
+//! Any split of the samples, in any order, gives the same bits.
+
+use pileus_film::{Crop, Film, PixelMoments, PixelSample, Tile};
+use proptest::prelude::*;
+
+fn value() -> impl Strategy<Value = f32> {
+    prop_oneof![
+        8 => (any::<u32>(), -40i32..31).prop_map(|(bits, exponent)| {
+            let significand = 1.0 + (bits >> 9) as f32 / (1 << 23) as f32;
+            let sign = if bits & 1 == 0 { 1.0 } else { -1.0 };
+            sign * significand * 2f32.powi(exponent)
+        }),
+        1 => any::<f32>(),
+        1 => Just(f32::NAN),
+        1 => Just(0.0),
+    ]
+}
+
+fn sample() -> impl Strategy<Value = PixelSample> {
+    ([value(), value(), value()], prop_oneof![0f32..=1.0, value()])
+        .prop_map(|(rgb, alpha)| PixelSample { rgb, alpha })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(400))]
+
+    #[test]
+    fn pixels(
+        samples in prop::collection::vec((sample(), 0usize..5), 0..200),
+        order in Just([0usize, 1, 2, 3, 4]).prop_shuffle(),
+        nested in any::<bool>(),
+    ) {
+        let mut whole = PixelMoments::default();
+        let mut parts = [PixelMoments::default(); 5];
+        for (sample, part) in &samples {
+            let added = whole.add(sample);
+            prop_assert_eq!(parts[*part].add(sample), added);
+        }
+        let mut reversed = PixelMoments::default();
+        for (sample, _) in samples.iter().rev() {
+            reversed.add(sample);
+        }
+        let mut merged = PixelMoments::default();
+        if nested {
+            // (a + b) + ((c + d) + e)
+            let (mut left, mut right) = (parts[order[0]], parts[order[2]]);
+            left.merge(&parts[order[1]]);
+            right.merge(&parts[order[3]]);
+            right.merge(&parts[order[4]]);
+            merged.merge(&right);
+            merged.merge(&left);
+        } else {
+            order.iter().for_each(|&i| { merged.merge(&parts[i]); });
+        }
+        prop_assert_eq!(merged, whole);
+        prop_assert_eq!(reversed, whole);
+        prop_assert_eq!(merged.mean().map(f64::to_bits), whole.mean().map(f64::to_bits));
+        prop_assert_eq!(
+            merged.variance_of_mean().map(f64::to_bits),
+            whole.variance_of_mean().map(f64::to_bits)
+        );
+    }
+
+    #[test]
+    fn moments_agree_with_floating_point(
+        values in prop::collection::vec(-1000f32..1000.0, 2..300),
+    ) {
+        let mut moments = PixelMoments::default();
+        for &v in &values {
+            let sample = PixelSample { rgb: [v, 0.5 * v, 0.0], alpha: v / 1000.0 };
+            prop_assert!(moments.add(&sample));
+        }
+        let n = values.len() as f64;
+        for (c, scale) in [(0, 1.0), (1, 0.5), (3, 1e-3)] {
+            let x: Vec<f64> = values
+                .iter()
+                .map(|&v| if c == 3 { f64::from(v / 1000.0) } else { scale * f64::from(v) })
+                .collect();
+            let mean = x.iter().sum::<f64>() / n;
+            let variance = x.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n * (n - 1.0));
+            let got = (moments.mean()[c], moments.variance_of_mean()[c]);
+            // Alpha is rounded to 2^-27, its square to 2^-24.
+            let (slack, relative) = if c == 3 { (1e-8, 0.0) } else { (0.0, 1e-12) };
+            prop_assert!((got.0 - mean).abs() <= slack + 1e-12 * 1000.0);
+            let variance_slack = slack * 10.0 / (n - 1.0) + relative * variance + 1e-18;
+            prop_assert!((got.1 - variance).abs() <= variance_slack, "{got:?} {mean} {variance}");
+        }
+    }
+
+    #[test]
+    fn films(
+        size in (1u32..20, 1u32..20),
+        seed in any::<u64>(),
+        tile_sizes in [1u32..9, 1u32..9, 1u32..9],
+        cuts in (0u64..8, 0u64..8),
+        reverse in any::<bool>(),
+    ) {
+        let (low, high) = (cuts.0.min(cuts.1), cuts.0.max(cuts.1));
+        let resolution = [size.0 + 3, size.1 + 5];
+        let crop = Some(Crop { x0: 2, y0: 4, width: size.0, height: size.1 });
+        let render = |range: std::ops::Range<u64>, tile_size: u32| {
+            let mut film = Film::new(resolution, crop).unwrap();
+            let mut tiles = film.tiles(tile_size);
+            if reverse {
+                tiles.reverse();
+            }
+            for (x0, y0, width, height) in tiles {
+                let mut tile = Tile::new(x0, y0, width, height);
+                for y in y0..y0 + height {
+                    for x in x0..x0 + width {
+                        for i in range.clone() {
+                            tile.add(x, y, &noise(seed, x, y, i));
+                        }
+                    }
+                }
+                film.add_tile(&tile);
+            }
+            film.commit_pass(range.end - range.start);
+            film
+        };
+        let whole = render(0..8, tile_sizes[0]);
+        let mut merged = render(low..high, tile_sizes[1]);
+        merged.merge(&render(high..8, tile_sizes[2])).unwrap();
+        merged.merge(&render(0..low, tile_sizes[2])).unwrap();
+        prop_assert_eq!(&merged, &whole);
+        prop_assert_eq!(merged.samples(), 8);
+        let dropped: u64 = (4..4 + size.1)
+            .flat_map(|y| (2..2 + size.0).map(move |x| (x, y)))
+            .map(|(x, y)| whole.dropped_at(x, y).unwrap())
+            .sum();
+        prop_assert_eq!(dropped, whole.dropped());
+
+        let mut bytes = Vec::new();
+        merged.write_state(&mut bytes, b"job").unwrap();
+        let (read, header) = Film::read_state(bytes.as_slice()).unwrap();
+        prop_assert_eq!(&read, &whole);
+        prop_assert_eq!(header, b"job");
+    }
+}
+
+/// A sample as a function of its place; one in 64 is not finite.
+fn noise(seed: u64, x: u32, y: u32, i: u64) -> PixelSample {
+    let mut state = seed ^ (u64::from(x) << 40) ^ (u64::from(y) << 20) ^ i;
+    let mut next = || {
+        state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mut z = state;
+        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        ((z ^ (z >> 31)) >> 40) as f32 / (1 << 24) as f32
+    };
+    let alpha = next();
+    let rgb = [next(), next() * 1e6, if next() < 1.0 / 64.0 { f32::NAN } else { next() * 1e-6 }];
+    PixelSample { rgb, alpha }
+}
+
+#[test]
+fn tiles_cover_the_window_once() {
+    let crop = Crop { x0: 7, y0: 3, width: 50, height: 41 };
+    let film = Film::new([64, 64], Some(crop)).unwrap();
+    for size in [0, 1, 7, 16, 64, u32::MAX] {
+        let mut hits = vec![0; 64 * 64];
+        for (x0, y0, width, height) in film.tiles(size) {
+            for y in y0..y0 + height {
+                for x in x0..x0 + width {
+                    hits[(y * 64 + x) as usize] += 1;
+                }
+            }
+        }
+        for (i, hit) in hits.into_iter().enumerate() {
+            let (x, y) = (i % 64, i / 64);
+            let inside = (7..57).contains(&x) && (3..44).contains(&y);
+            assert_eq!(hit, i32::from(inside), "tile size {size}, pixel {x} {y}");
+        }
+    }
+}
+
+#[test]
+fn the_image_is_the_mean_of_what_was_not_dropped() {
+    let mut film = Film::new([3, 1], None).unwrap();
+    let mut tile = Tile::new(0, 0, 3, 1);
+    for v in [1.0, 2.0, f32::NAN] {
+        tile.add(1, 0, &PixelSample { rgb: [v, 0.0, 0.0], alpha: 1.0 });
+    }
+    tile.add(2, 0, &PixelSample { rgb: [f32::NAN; 3], alpha: 1.0 });
+    assert!(!tile.add(3, 0, &PixelSample::default()));
+    film.add_tile(&tile);
+    film.commit_pass(3);
+    assert_eq!(film.dropped(), 3);
+    assert_eq!(film.dropped_at(1, 0), Some(1));
+    let image = film.image();
+    assert_eq!(image.channel("R").unwrap(), [0.0, 1.5, 0.0]);
+    assert_eq!(image.channel("A").unwrap(), [0.0, 1.0, 0.0]);
+    let variance = film.variance();
+    assert_eq!(variance.channel("R").unwrap(), [f32::INFINITY, 0.25, f32::INFINITY]);
+    assert_eq!(variance.channel("A").unwrap()[1], 0.0);
+}
+
+#[test]
+fn what_does_not_fit_is_refused_or_counted() {
+    let window = |x0, y0, width, height| Some(Crop { x0, y0, width, height });
+    assert!(Film::new([0, 4], None).is_err());
+    assert!(Film::new([1 << 20, 1 << 20], None).is_err());
+    assert!(Film::new([u32::MAX, 1], None).is_err());
+    for crop in [window(0, 0, 0, 1), window(3, 0, 2, 1), window(u32::MAX, 0, 2, 1)] {
+        assert!(Film::new([4, 4], crop).is_err());
+    }
+    let mut film = Film::new([4, 4], None).unwrap();
+    let other = Film::new([4, 4], window(0, 0, 4, 3)).unwrap();
+    assert!(film.merge(&other).unwrap_err().to_string().contains("slices of one job"));
+
+    // A tile that hangs over the edge, and one that is wide beyond all numbers.
+    let mut tile = Tile::new(3, 3, 2, 2);
+    for (x, y) in [(3, 3), (4, 3), (3, 4), (4, 4)] {
+        assert!(tile.add(x, y, &PixelSample::default()));
+    }
+    film.add_tile(&tile);
+    assert_eq!(film.dropped(), 3);
+    let mut far = Tile::new(u32::MAX, u32::MAX, 2, 1);
+    assert!(far.add(u32::MAX, u32::MAX, &PixelSample::default()));
+    film.add_tile(&far);
+    assert_eq!(film.dropped(), 4);
+}
