@@ -19,13 +19,19 @@ impl fmt::Display for Place {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&self.file)?;
         if let Some(grid) = &self.grid {
-            write!(f, ": grid \"{grid}\"")?;
+            write!(f, ": grid \"{}\"", shown(grid))?;
         }
         if let Some(offset) = self.offset {
             write!(f, ": byte {offset}")?;
         }
         Ok(())
     }
+}
+
+/// A name from a file for a message: control characters escaped, cut after 80.
+pub(crate) fn shown(name: &str) -> String {
+    let more = if name.chars().nth(80).is_some() { "..." } else { "" };
+    name.chars().take(80).flat_map(char::escape_debug).chain(more.chars()).collect()
 }
 
 /// Any failure of this crate. The kinds say who can act: the system, the author of the file, we, or the caller.
@@ -174,6 +180,13 @@ mod tests {
         let text = error.to_string();
         assert!(text.starts_with("a.vdb: grid \"density\": byte 77: a count is negative; "));
         assert_eq!(error.place().offset, Some(77));
+    }
+
+    #[test]
+    fn names_are_shown_safely() {
+        assert_eq!(shown("Dichte-üß 雲"), "Dichte-üß 雲");
+        assert_eq!(shown("a\u{1e}\u{1b}[2J"), "a\\u{1e}\\u{1b}[2J");
+        assert_eq!(shown(&"x".repeat(99)).len(), 83);
     }
 
     #[test]

@@ -137,6 +137,8 @@ pub struct GridInfo {
     /// Range of the tree in the file, in bytes from its start.
     pub(crate) tree_start: u64,
     pub(crate) tree_end: u64,
+    /// Where the leaf buffers begin in it, by the file; only a hint how much to read at first.
+    pub(crate) leaves_start: u64,
 }
 
 /// OpenVDB puts this character and a number behind names that occur more than once.
@@ -164,10 +166,12 @@ pub(crate) struct Descriptor {
     pub(crate) type_name: String,
     pub(crate) half_suffix: bool,
     pub(crate) parent_name: String,
-    /// Where metadata and transform begin, and where the grid ends, from the start of the file; zero in streams.
+    /// Where metadata and transform, where the leaf buffers begin, and where the grid ends, from the start of the file; zero in
+    /// streams.
     pub(crate) grid_pos: i64,
+    pub(crate) block_pos: i64,
     pub(crate) end_pos: i64,
-    /// Where in the file these two stand.
+    /// Where in the file these three stand.
     pub(crate) positions_at: u64,
 }
 
@@ -181,7 +185,7 @@ impl Descriptor {
         let parent_name = cursor.string("the parent name of a grid")?;
         let positions_at = cursor.offset();
         let grid_pos = cursor.i64("the position of a grid")?;
-        cursor.i64("the position of the blocks of a grid")?;
+        let block_pos = cursor.i64("the position of the blocks of a grid")?;
         let end_pos = cursor.i64("the end of a grid")?;
         let half_suffix = type_name.ends_with("_HalfFloat");
         if half_suffix {
@@ -193,6 +197,7 @@ impl Descriptor {
             half_suffix,
             parent_name,
             grid_pos,
+            block_pos,
             end_pos,
             positions_at,
         })
@@ -240,6 +245,7 @@ impl Descriptor {
             parent_name: self.parent_name,
             tree_start: cursor.offset(),
             tree_end: cursor.offset(),
+            leaves_start: cursor.offset(),
         })
     }
 }

@@ -16,6 +16,7 @@ mod metadata;
 mod packed;
 mod reader;
 mod shuffle;
+mod source;
 mod topology;
 mod transform;
 mod tree;

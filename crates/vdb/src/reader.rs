@@ -1,26 +1,21 @@
 //! Opens files: header, list of grids, and the trees that are asked for.
 
-use std::borrow::Cow;
-use std::fs::File;
-use std::io::{self, Read, Seek, SeekFrom};
-use std::path::{Path, PathBuf};
+use std::io;
+use std::path::Path;
 
 use half::f16;
 
 use crate::cursor::Cursor;
-use crate::error::{Error, Fault, Place, REWRITE};
+use crate::error::{Error, Fault, Place, REWRITE, shown};
 use crate::grid::{Descriptor, Grid, GridInfo, ValueType, Values, split_suffix};
 use crate::leaves::{self, LeafLayout};
 use crate::metadata::Metadata;
 use crate::packed::Encoding;
+use crate::source::{Data, Failure, Source, Window};
 use crate::topology;
 use crate::tree::Tree;
 use crate::value::Value;
 
-/// Bytes that are read at first to parse a header.
-const FIRST_WINDOW: u64 = 1 << 14;
-/// Most bytes that a header (names, metadata and transform of one grid) may take.
-const LARGEST_WINDOW: u64 = 1 << 27;
 /// `VDB ` read as a little-endian number, with four zero bytes behind it.
 const MAGIC: i64 = 0x5644_4220;
 /// Versions of the file format that are read: from compression per file to half grids.
@@ -159,18 +154,18 @@ impl VdbFile {
             return Ok(position);
         }
         let names: Vec<String> =
-            self.grids.iter().map(|grid| format!("\"{}\"", grid.full_name())).collect();
+            self.grids.iter().map(|grid| format!("\"{}\"", shown(&grid.full_name()))).collect();
         let names = if names.is_empty() { "no grid".into() } else { names.join(", ") };
         Err(Error::Missing {
             place: Place { file: self.source.name.clone(), grid: None, offset: None },
-            what: format!("there is no grid \"{name}\", the file has {names}"),
+            what: format!("there is no grid \"{}\", the file has {names}", shown(name)),
             remedy: "name one of these grids",
         })
     }
 
     /// Reads the voxels of the grid at a position of [`VdbFile::grids`]: its bytes once, decoded on the current rayon pool.
     ///
-    /// Takes about the size of the grid's bytes plus 512 values per leaf. An instance reads the tree of its parent. A frustum
+    /// Takes 512 values per leaf and little else, for the bytes pass through a window of 4 MiB. An instance reads the tree of its parent. A frustum
     /// transform is no obstacle here, only to [`Transform::matrix`](crate::Transform::matrix).
     ///
     /// # Errors
@@ -186,10 +181,10 @@ impl VdbFile {
         };
         let name = info.full_name();
         let owner = self.tree_owner(info)?;
-        let bytes = self.source.range(owner.tree_start, owner.tree_end, Some(&name))?;
-        let mut cursor = Cursor::new(&bytes, owner.tree_start);
-        let values = read_values(&mut cursor, owner, self.header.version)
-            .map_err(|fault| fault.into_error(&self.source.name, Some(&name)))?;
+        let range = owner.tree_start..owner.tree_end;
+        let mut window = Window::open(&self.source, &name, range, owner.leaves_start)?;
+        let values = read_values(&mut window, owner, self.header.version)
+            .map_err(|failure| failure.into_error(&self.source.name, Some(&name)))?;
         Ok(Grid { info: info.clone(), values })
     }
 
@@ -227,47 +222,51 @@ impl VdbFile {
     }
 }
 
-/// Reads the tree that begins at the cursor.
+/// Reads the tree that begins at the start of the grid's range.
 fn read_values(
-    cursor: &mut Cursor<'_>,
+    window: &mut Window<'_>,
     info: &GridInfo,
     version: u32,
-) -> Result<Values, Fault> {
+) -> Result<Values, Failure> {
+    let start = info.tree_start;
     let encoding =
         Encoding { version, compression: info.compression, half: info.saved_as_half };
     Ok(match info.value_type {
-        ValueType::Float => Values::Float(read_tree(cursor, &encoding, LeafLayout::Packed)?),
-        ValueType::Double => Values::Double(read_tree(cursor, &encoding, LeafLayout::Packed)?),
+        ValueType::Float => Values::Float(read_tree(window, start, &encoding, LeafLayout::Packed)?),
+        ValueType::Double => Values::Double(read_tree(window, start, &encoding, LeafLayout::Packed)?),
         ValueType::Half => {
-            let tree = read_tree::<f16>(cursor, &encoding, LeafLayout::Packed)?;
+            let tree = read_tree::<f16>(window, start, &encoding, LeafLayout::Packed)?;
             Values::Float(tree.map(f16::to_f32))
         }
-        ValueType::Int32 => Values::Int32(read_tree(cursor, &encoding, LeafLayout::Packed)?),
-        ValueType::Int64 => Values::Int64(read_tree(cursor, &encoding, LeafLayout::Packed)?),
-        ValueType::Bool => Values::Bool(read_tree(cursor, &encoding, LeafLayout::Bits)?),
-        ValueType::Mask => Values::Mask(read_tree(cursor, &encoding, LeafLayout::Mask)?),
-        ValueType::Vec3f => Values::Vec3f(read_tree(cursor, &encoding, LeafLayout::Packed)?),
-        ValueType::Vec3d => Values::Vec3d(read_tree(cursor, &encoding, LeafLayout::Packed)?),
-        ValueType::Vec3i => Values::Vec3i(read_tree(cursor, &encoding, LeafLayout::Packed)?),
-        ValueType::Other => return Err(unknown_type(cursor, info)),
+        ValueType::Int32 => Values::Int32(read_tree(window, start, &encoding, LeafLayout::Packed)?),
+        ValueType::Int64 => Values::Int64(read_tree(window, start, &encoding, LeafLayout::Packed)?),
+        ValueType::Bool => Values::Bool(read_tree(window, start, &encoding, LeafLayout::Bits)?),
+        ValueType::Mask => Values::Mask(read_tree(window, start, &encoding, LeafLayout::Mask)?),
+        ValueType::Vec3f => Values::Vec3f(read_tree(window, start, &encoding, LeafLayout::Packed)?),
+        ValueType::Vec3d => Values::Vec3d(read_tree(window, start, &encoding, LeafLayout::Packed)?),
+        ValueType::Vec3i => Values::Vec3i(read_tree(window, start, &encoding, LeafLayout::Packed)?),
+        ValueType::Other => return Err(unknown_type(start, info).into()),
     })
 }
 
 fn read_tree<V: Value>(
-    cursor: &mut Cursor<'_>,
+    window: &mut Window<'_>,
+    start: u64,
     encoding: &Encoding,
     layout: LeafLayout,
-) -> Result<Tree<V>, Fault> {
-    let topology = topology::read::<V>(cursor, encoding)?;
-    let starts = leaves::scan(cursor, encoding, layout, &topology)?;
-    leaves::decode(cursor, encoding, layout, topology, starts)
+) -> Result<Tree<V>, Failure> {
+    let (topology, leaves_start) = window.parse(start, |cursor| {
+        let topology = topology::read::<V>(cursor, encoding)?;
+        Ok((topology, cursor.offset()))
+    })?;
+    leaves::read(window, leaves_start, encoding, layout, topology)
 }
 
 /// Steps over the tree that begins at the cursor.
 fn skip_values(cursor: &mut Cursor<'_>, info: &GridInfo, version: u32) -> Result<(), Fault> {
     fn skip<V: Value>(c: &mut Cursor<'_>, e: &Encoding, layout: LeafLayout) -> Result<(), Fault> {
         let topology = topology::read::<V>(c, e)?;
-        leaves::scan(c, e, layout, &topology).map(drop)
+        topology.leaves.iter().try_for_each(|leaf| leaves::step_over(c, e, layout, topology.background, leaf))
     }
     let encoding =
         Encoding { version, compression: info.compression, half: info.saved_as_half };
@@ -282,15 +281,14 @@ fn skip_values(cursor: &mut Cursor<'_>, info: &GridInfo, version: u32) -> Result
         ValueType::Vec3f => skip::<[f32; 3]>(cursor, &encoding, LeafLayout::Packed),
         ValueType::Vec3d => skip::<[f64; 3]>(cursor, &encoding, LeafLayout::Packed),
         ValueType::Vec3i => skip::<[i32; 3]>(cursor, &encoding, LeafLayout::Packed),
-        ValueType::Other => Err(unknown_type(cursor, info)),
+        ValueType::Other => Err(unknown_type(cursor.offset(), info)),
     }
 }
 
-fn unknown_type(cursor: &Cursor<'_>, info: &GridInfo) -> Fault {
-    let name: String = info.type_name.chars().take(64).collect();
+fn unknown_type(offset: u64, info: &GridInfo) -> Fault {
     Fault::unsupported(
-        cursor.offset(),
-        format!("the grid has the type {name:?}"),
+        offset,
+        format!("the grid has the type \"{}\"", shown(&info.type_name)),
         "write the grid with a float, double, int, bool, mask or vec3 tree of shape 5-4-3",
     )
 }
@@ -314,11 +312,15 @@ fn list_by_offsets(source: &Source, header: &Header) -> Result<Vec<GridInfo>, Er
             let descriptor = Descriptor::read(cursor)?;
             name = Some(split_suffix(&descriptor.unique_name).0.to_owned());
             let (end, positions_at) = (descriptor.end_pos, descriptor.positions_at);
+            let blocks = u64::try_from(descriptor.block_pos).unwrap_or(0);
             let gap = checked_gap(cursor, &descriptor, source.length)?;
             cursor.take(gap, "the space before a grid")?;
             let mut info = descriptor.read_head(cursor, header.version, header.old_zip)?;
             match u64::try_from(end) {
-                Ok(end) if end >= info.tree_start && end <= source.length => info.tree_end = end,
+                Ok(end) if end >= info.tree_start && end <= source.length => {
+                    info.tree_end = end;
+                    info.leaves_start = blocks.clamp(info.tree_start, end);
+                }
                 _ => {
                     let what = format!(
                         "the grid ends at byte {end}, outside the {} bytes of the file",
@@ -411,104 +413,4 @@ fn number_names(mut grids: Vec<GridInfo>, file: &str) -> Vec<GridInfo> {
         grid.transform.name_place(file, &name);
     }
     grids
-}
-
-/// The bytes of a file, on disk or in memory.
-#[derive(Debug)]
-struct Source {
-    name: String,
-    length: u64,
-    data: Data,
-}
-
-#[derive(Debug)]
-enum Data {
-    Path(PathBuf),
-    Memory(Vec<u8>),
-}
-
-impl Source {
-    /// The bytes `start..end`, cut at the end of the file.
-    fn range(&self, start: u64, end: u64, grid: Option<&str>) -> Result<Cow<'_, [u8]>, Error> {
-        let place = || Place {
-            file: self.name.clone(),
-            grid: grid.map(str::to_owned),
-            offset: Some(start),
-        };
-        match &self.data {
-            Data::Memory(bytes) => {
-                let at = |offset: u64| usize::try_from(offset).unwrap_or(usize::MAX).min(bytes.len());
-                Ok(Cow::Borrowed(bytes.get(at(start)..at(end)).unwrap_or(&[])))
-            }
-            Data::Path(path) => read_range(path, start, end.min(self.length)).map_or_else(
-                |source| {
-                    let remedy = "check that the file is still there and not being written";
-                    Err(Error::Io { place: place(), source, remedy })
-                },
-                |bytes| Ok(Cow::Owned(bytes)),
-            ),
-        }
-    }
-
-    /// Parses what begins at `start`.
-    fn parse<T>(
-        &self,
-        start: u64,
-        grid: Option<&str>,
-        read: impl FnMut(&mut Cursor<'_>) -> Result<T, Fault>,
-    ) -> Result<T, Error> {
-        self.parse_named(start, read).map_err(|failure| failure.into_error(&self.name, grid))
-    }
-
-    /// Parses what begins at `start`, of which only so much is read from disk as the parser turns out to need.
-    fn parse_named<T>(
-        &self,
-        start: u64,
-        mut read: impl FnMut(&mut Cursor<'_>) -> Result<T, Fault>,
-    ) -> Result<T, Failure> {
-        let left = self.length.saturating_sub(start);
-        let mut window = match self.data {
-            Data::Path(_) => FIRST_WINDOW.min(left),
-            Data::Memory(_) => left,
-        };
-        loop {
-            let bytes = self.range(start, start.saturating_add(window), None).map_err(Failure::Io)?;
-            let fault = match read(&mut Cursor::new(&bytes, start)) {
-                Ok(value) => return Ok(value),
-                Err(fault) => fault,
-            };
-            match fault.needed().map(|needed| needed.saturating_sub(start)) {
-                Some(needed) if needed > window && needed <= left && window < LARGEST_WINDOW => {
-                    window = needed.max(window.saturating_mul(4)).min(left).min(LARGEST_WINDOW);
-                }
-                _ => return Err(Failure::Fault(fault)),
-            }
-        }
-    }
-}
-
-/// A failure of parsing or of reading what should be parsed.
-enum Failure {
-    Fault(Fault),
-    Io(Error),
-}
-
-impl Failure {
-    fn into_error(self, file: &str, grid: Option<&str>) -> Error {
-        match self {
-            Failure::Fault(fault) => fault.into_error(file, grid),
-            Failure::Io(error) => error,
-        }
-    }
-}
-
-fn read_range(path: &Path, start: u64, end: u64) -> io::Result<Vec<u8>> {
-    let count = end.saturating_sub(start);
-    let mut file = File::open(path)?;
-    file.seek(SeekFrom::Start(start))?;
-    let size = usize::try_from(count).map_err(io::Error::other)?;
-    let mut bytes = Vec::new();
-    bytes.try_reserve_exact(size).map_err(io::Error::other)?;
-    file.take(count).read_to_end(&mut bytes)?;
-    Ok(bytes)
 }

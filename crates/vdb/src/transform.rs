@@ -1,7 +1,7 @@
 //! Where a grid lies in space: the linear maps of OpenVDB as one matrix.
 
 use crate::cursor::Cursor;
-use crate::error::{Error, Fault, Place};
+use crate::error::{Error, Fault, Place, shown};
 
 /// Which map the file names. All but the frustum are affine.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -167,10 +167,9 @@ fn read_map(cursor: &mut Cursor<'_>) -> Result<(TransformKind, [[f64; 4]; 4]), F
     let start = cursor.offset();
     let name = cursor.string("the name of the transform")?;
     let Some(kind) = TransformKind::from_map_name(&name) else {
-        let name: String = name.chars().take(64).collect();
         return Err(Fault::unsupported(
             start,
-            format!("the transform has the unknown type {name:?}"),
+            format!("the transform has the unknown type \"{}\"", shown(&name)),
             "resample the grid onto a uniform or affine transform",
         ));
     };

@@ -31,10 +31,10 @@ pub(crate) struct HalfScratch {
 impl HalfScratch {
     fn widen_into(&mut self, bytes: &[u8], out: &mut [f32]) {
         let count = out.len().min(bytes.len() / 2);
-        self.halves.clear();
-        self.halves.extend(
-            bytes.chunks_exact(2).take(count).map(|b| f16::from_bits(u16::from_le_bytes([b[0], b[1]]))),
-        );
+        self.halves.resize(count, f16::ZERO);
+        for (half, bytes) in self.halves.iter_mut().zip(bytes.as_chunks::<2>().0) {
+            *half = f16::from_le_bytes(*bytes);
+        }
         if let Some(out) = out.get_mut(..count) {
             self.halves.convert_to_f32_slice(out);
         }
