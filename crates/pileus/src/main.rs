@@ -1,2 +1,8 @@
-//! The program.
-fn main() {}
+//! The program `pileus`; everything is in the library beside it.
+#![forbid(unsafe_code)]
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    pileus::run()
+}

@@ -272,9 +272,7 @@ fn gltf_camera(
 
 fn at(error: Error, place: &Place) -> Error {
     match error {
-        Error::Invalid { what, remedy, .. } => {
-            Error::Invalid { place: place.clone(), what, remedy }
-        }
+        Error::Invalid { what, remedy, .. } => Error::invalid(place.clone(), what, remedy),
         other => other,
     }
 }

@@ -21,7 +21,7 @@ impl EnvironmentImage {
     ) -> Result<Self, Error> {
         let path = path.as_ref();
         let place = Place::file(path);
-        let io = |source| Error::Io { place: place.clone(), source };
+        let io = |source| Error::io(place.clone(), source);
         let length = std::fs::metadata(path).map_err(io)?.len();
         if length > MAX_FILE {
             return Err(Error::unsupported(
@@ -57,7 +57,7 @@ impl EnvironmentImage {
         }
         Self::new(width, height, texels, intensity, rotation_y_degrees).map_err(|error| match error
         {
-            Error::Invalid { what, remedy, .. } => Error::Invalid { place, what, remedy },
+            Error::Invalid { what, remedy, .. } => Error::invalid(place, what, remedy),
             other => other,
         })
     }
@@ -158,7 +158,7 @@ mod tests {
             assert!((exr.radiance(d) - hdr.radiance(d)).length() < 0.02);
         }
         assert_eq!(exr.radiance(Vec3::Y).z, 12.0);
-        assert_eq!(exr.radiance(Vec3::NEG_Z).x, 3.0);
+        assert_eq!(exr.radiance(Vec3::NEG_Z).x, 6.0);
     }
 
     #[test]

@@ -56,7 +56,7 @@ pub enum Error {
     #[error("{place}: the file cannot be read: {source}")]
     Io {
         /// The file and who asked for it.
-        place: Place,
+        place: Box<Place>,
         /// What the system says.
         #[source]
         source: std::io::Error,
@@ -65,7 +65,7 @@ pub enum Error {
     #[error("{place}: {what}")]
     Invalid {
         /// Where.
-        place: Place,
+        place: Box<Place>,
         /// What is wrong.
         what: String,
         /// What to do about it.
@@ -75,7 +75,7 @@ pub enum Error {
     #[error("{place}: {what}")]
     Unsupported {
         /// Where.
-        place: Place,
+        place: Box<Place>,
         /// What is not supported.
         what: String,
         /// What to do about it.
@@ -85,7 +85,7 @@ pub enum Error {
     #[error("{place}: {what}")]
     Missing {
         /// Where the name is used.
-        place: Place,
+        place: Box<Place>,
         /// What was not found.
         what: String,
         /// The names that exist.
@@ -95,36 +95,51 @@ pub enum Error {
     #[error("{place}: the OpenVDB file cannot be used")]
     Vdb {
         /// The volume that wants it.
-        place: Place,
+        place: Box<Place>,
         /// The reader's own error.
         #[source]
-        source: pileus_vdb::Error,
+        source: Box<pileus_vdb::Error>,
     },
     /// A medium cannot be built from a volume.
     #[error("{place}: no medium can be made of this volume")]
     Medium {
         /// The volume.
-        place: Place,
+        place: Box<Place>,
         /// The medium's own error.
         #[source]
-        source: pileus_media::Error,
+        source: Box<pileus_media::Error>,
     },
 }
 
 impl Error {
     /// An [`Error::Invalid`] in few words.
     pub fn invalid(place: Place, what: impl Into<String>, remedy: impl Into<String>) -> Self {
-        Self::Invalid { place, what: what.into(), remedy: remedy.into() }
+        Self::Invalid { place: Box::new(place), what: what.into(), remedy: remedy.into() }
     }
 
     /// An [`Error::Unsupported`] in few words.
     pub fn unsupported(place: Place, what: impl Into<String>, remedy: impl Into<String>) -> Self {
-        Self::Unsupported { place, what: what.into(), remedy: remedy.into() }
+        Self::Unsupported { place: Box::new(place), what: what.into(), remedy: remedy.into() }
     }
 
     /// An [`Error::Missing`] in few words.
     pub fn missing(place: Place, what: impl Into<String>, remedy: impl Into<String>) -> Self {
-        Self::Missing { place, what: what.into(), remedy: remedy.into() }
+        Self::Missing { place: Box::new(place), what: what.into(), remedy: remedy.into() }
+    }
+
+    /// A file that cannot be read.
+    pub fn io(place: Place, source: std::io::Error) -> Self {
+        Self::Io { place: Box::new(place), source }
+    }
+
+    /// An OpenVDB file that cannot be used.
+    pub fn vdb(place: Place, source: pileus_vdb::Error) -> Self {
+        Self::Vdb { place: Box::new(place), source: Box::new(source) }
+    }
+
+    /// A volume that makes no medium.
+    pub fn medium(place: Place, source: pileus_media::Error) -> Self {
+        Self::Medium { place: Box::new(place), source: Box::new(source) }
     }
 
     /// What the user can do about it; empty when there is nothing to add.

@@ -93,7 +93,7 @@ const SURFACES_ONLY: [&str; 8] = [
 /// intensities are divided by it.
 pub fn load(path: impl AsRef<Path>, lumens_per_watt: f64) -> Result<GltfScene, Error> {
     let path = path.as_ref();
-    let io = |source| Error::Io { place: Place::file(path), source };
+    let io = |source| Error::io(Place::file(path), source);
     let length = std::fs::metadata(path).map_err(io)?.len();
     if length > MAX_GLB {
         return Err(Error::unsupported(
@@ -409,7 +409,6 @@ impl Walk<'_> {
                     json::extensions::scene::khr_lights_punctual::Spot {
                         inner_cone_angle: 0.0,
                         outer_cone_angle: std::f32::consts::FRAC_PI_4,
-                        ..Default::default()
                     }
                 });
                 let (inner, outer) = (spot.inner_cone_angle, spot.outer_cone_angle);

@@ -72,7 +72,7 @@ impl Document {
     /// The error that a fault in this document is.
     pub fn error(&self, fault: Fault) -> Error {
         let place = self.place_at(&fault.pointer, fault.span.start);
-        Error::Invalid { place, what: fault.what, remedy: fault.remedy }
+        Error::invalid(place, fault.what, fault.remedy)
     }
 
     fn place_at(&self, pointer: &str, offset: usize) -> Place {

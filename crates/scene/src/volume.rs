@@ -156,7 +156,7 @@ impl VolumeLoader {
         };
         let path = PathBuf::from(with_frame(vdb, spec.frame, &place("/vdb"))?);
         let file = self.open(&path, &|| place("/vdb"))?;
-        let vdb_error = |key: &str, source| Error::Vdb { place: place(key), source };
+        let vdb_error = |key: &str, source| Error::vdb(place(key), source);
         let density = spec.density.clone().unwrap_or_default();
         let index = density_grid(&file, &path, &density, place)?;
         let info = grid_info(&file, index, &path)?;
@@ -169,7 +169,7 @@ impl VolumeLoader {
             None => match request.default_scale {
                 DefaultScale::One => 1.0,
                 DefaultScale::Cloud => automatic_scale(&grid, &index_to_world)
-                    .map_err(|source| Error::Medium { place: place("/density"), source })?,
+                    .map_err(|source| Error::medium(place("/density"), source))?,
             },
         };
         if !(scale >= 0.0 && scale.is_finite()) {
@@ -182,7 +182,7 @@ impl VolumeLoader {
         let build = grid.report().clone();
         let sigma_t = extinction.map(|e| (e * scale) as f32);
         let medium = GridMedium::new(grid, index_to_world, sigma_t, albedo, phase)
-            .map_err(|source| Error::Medium { place: place(""), source })?;
+            .map_err(|source| Error::medium(place(""), source))?;
         Ok(Volume {
             name: name(request),
             medium: Arc::new(Medium::Grid(medium)),
@@ -195,7 +195,7 @@ impl VolumeLoader {
             return Ok(file.clone());
         }
         let start = Instant::now();
-        let file = VdbFile::open(path).map_err(|source| Error::Vdb { place: place(), source })?;
+        let file = VdbFile::open(path).map_err(|source| Error::vdb(place(), source))?;
         let file = Arc::new(file);
         self.files.insert(path.to_owned(), file.clone());
         self.seconds_load += start.elapsed().as_secs_f64();
@@ -218,10 +218,10 @@ impl VolumeLoader {
         let tree = file
             .read(index)
             .and_then(pileus_vdb::Grid::to_float)
-            .map_err(|source| Error::Vdb { place: place("/vdb"), source })?;
+            .map_err(|source| Error::vdb(place("/vdb"), source))?;
         let read = Instant::now();
         let grid = VoxelGrid::from_tree(&tree, &VoxelGridOptions { interpolation })
-            .map_err(|source| Error::Medium { place: place("/vdb"), source })?;
+            .map_err(|source| Error::medium(place("/vdb"), source))?;
         self.seconds_load += (read - start).as_secs_f64();
         self.seconds_build += read.elapsed().as_secs_f64();
         let report = grid.report();
@@ -252,7 +252,7 @@ impl VolumeLoader {
             }
             None => return constant_albedo(Rgb::Grey(DEFAULT_ALBEDO), place).map(Albedo::Constant),
         };
-        let vdb_error = |source| Error::Vdb { place: place("/albedo/grid"), source };
+        let vdb_error = |source| Error::vdb(place("/albedo/grid"), source);
         let index = file.find(name).map_err(vdb_error)?;
         let info = grid_info(file, index, path)?;
         let start = Instant::now();
@@ -273,7 +273,7 @@ impl VolumeLoader {
             Values::Vec3f(tree) => ColorGrid::from_vec3_tree(tree, to_own),
             _ => ColorGrid::from_float_tree(&values.to_float().map_err(vdb_error)?, to_own),
         };
-        let grid = grid.map_err(|source| Error::Medium { place: place("/albedo/grid"), source })?;
+        let grid = grid.map_err(|source| Error::medium(place("/albedo/grid"), source))?;
         self.seconds_build += start.elapsed().as_secs_f64();
         Ok(Albedo::Grid(Arc::new(grid)))
     }
@@ -324,7 +324,7 @@ fn load_homogeneous(
     };
     let sigma_t = extinction.map(|e| (e * homogeneous.sigma_t) as f32);
     let medium = HomogeneousMedium::new(sigma_t, bounds, albedo, phase)
-        .map_err(|source| Error::Medium { place: place("/homogeneous"), source })?;
+        .map_err(|source| Error::medium(place("/homogeneous"), source))?;
     Ok(Volume {
         name: name(request),
         medium: Arc::new(Medium::Homogeneous(medium)),
@@ -364,11 +364,9 @@ fn density_grid(
 ) -> Result<usize, Error> {
     let place_of_grid = || place(if density.grid.is_some() { "/density/grid" } else { "/vdb" });
     let index = match &density.grid {
-        Some(name) => {
-            file.find(name).map_err(|source| Error::Vdb { place: place_of_grid(), source })?
-        }
+        Some(name) => file.find(name).map_err(|source| Error::vdb(place_of_grid(), source))?,
         None => default_density_grid(file).ok_or_else(|| {
-            let names: Vec<String> = file.grids().iter().map(|g| describe(g)).collect();
+            let names: Vec<String> = file.grids().iter().map(describe).collect();
             let (what, remedy) = if names.is_empty() {
                 ("the file has no grids".to_owned(), "write it again with a fog volume".to_owned())
             } else {

@@ -1,0 +1,313 @@
+//! The command line.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use pileus_scene::volume_spec::UpAxis;
+
+use crate::input::VdbOptions;
+use crate::settings::Overrides;
+
+const EXIT_CODES: &str = "\
+Exit codes:
+    0  everything was done
+    2  the command line is wrong
+    3  an input breaks its format or contradicts itself
+    4  a file is missing or cannot be read or written
+    5  the input is legal, but this version does not render it
+  130  stopped by Ctrl-C; what was rendered until then is written
+
+Results go to standard output, everything else to standard error.";
+
+/// Renders OpenVDB clouds, smoke and fire inside glTF scenes.
+#[derive(Debug, Parser)]
+#[command(name = "pileus", version, after_long_help = EXIT_CODES, max_term_width = 100)]
+pub struct Arguments {
+    /// What every command takes.
+    #[command(flatten)]
+    pub common: Common,
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// What every command takes.
+#[derive(Debug, Args)]
+#[command(next_display_order = 900)]
+pub struct Common {
+    /// Say nothing but errors.
+    #[arg(short, long, global = true, conflicts_with = "verbose")]
+    pub quiet: bool,
+    /// Say more; twice for everything.
+    #[arg(short, long, global = true, action = clap::ArgAction::Count)]
+    pub verbose: u8,
+    /// Number of threads; all cores if not given. The image does not depend on it.
+    #[arg(long, global = true, value_name = "N", value_parser = parse_threads)]
+    pub threads: Option<usize>,
+}
+
+fn parse_threads(text: &str) -> Result<usize, String> {
+    match text.parse() {
+        Ok(n) if (1..=4096).contains(&n) => Ok(n),
+        _ => Err("give a number from 1 to 4096".into()),
+    }
+}
+
+/// The commands.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Render a job, a glTF scene or an OpenVDB file.
+    #[command(after_long_help = "\
+Examples:
+  pileus render cloud.vdb                 frames the volume: cloud.exr, cloud.png
+  pileus render shot.glb -o shot.exr      camera, lights and volumes of the scene
+  pileus render job.json --spp 1024       everything from the job, but more samples")]
+    Render(RenderOptions),
+    /// Show what a file contains: OpenVDB, glTF or job.
+    Info(InfoOptions),
+    /// Validate a job with all its files; renders nothing.
+    Check(InputOptions),
+    /// Show what would be modelled, by which methods and why; renders nothing.
+    Plan(PlanOptions),
+    /// Print the JSON Schema of jobs.
+    Schema(SchemaOptions),
+    /// Measure image A against image B (the reference).
+    Compare(CompareOptions),
+    /// Ask single questions of a volume, JSON in and out.
+    Probe(ProbeOptions),
+}
+
+/// A file and what can be said about it if it is an OpenVDB file.
+#[derive(Debug, Args)]
+pub struct InputOptions {
+    /// Job (.json), scene (.gltf, .glb) or volume (.vdb).
+    pub input: PathBuf,
+    /// OpenVDB only: the grid of the density, `name` or `name[i]`.
+    #[arg(long, value_name = "NAME")]
+    pub grid: Option<String>,
+    /// OpenVDB only: extinction per scene unit where the grid is 1; chosen so that it looks like a
+    /// cloud if not given.
+    #[arg(long, value_name = "S", value_parser = parse_scale)]
+    pub density_scale: Option<f64>,
+    /// OpenVDB only: the axis that points up in the file.
+    #[arg(long, value_name = "AXIS")]
+    pub up_axis: Option<UpAxisArgument>,
+}
+
+fn parse_scale(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(scale) if scale >= 0.0 && scale.is_finite() => Ok(scale),
+        _ => Err("give a finite number of at least 0".into()),
+    }
+}
+
+/// [`UpAxis`] on the command line.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub enum UpAxisArgument {
+    /// +Y, as in glTF.
+    Y,
+    /// +Z, as in Blender.
+    Z,
+}
+
+impl InputOptions {
+    pub(crate) fn vdb_options(&self) -> VdbOptions {
+        VdbOptions {
+            grid: self.grid.clone(),
+            density_scale: self.density_scale,
+            up_axis: self.up_axis.map(|axis| match axis {
+                UpAxisArgument::Y => UpAxis::Y,
+                UpAxisArgument::Z => UpAxis::Z,
+            }),
+        }
+    }
+}
+
+/// Options of `render`.
+#[derive(Debug, Args)]
+pub struct RenderOptions {
+    /// What to render.
+    #[command(flatten)]
+    pub input: InputOptions,
+    /// The image (.exr) to write instead of the job's.
+    #[arg(short, long, value_name = "IMAGE")]
+    pub output: Option<PathBuf>,
+    /// Also write a tone-mapped picture (.png) to look at.
+    #[arg(long, value_name = "FILE")]
+    pub preview: Option<PathBuf>,
+    /// Samples per pixel instead of the job's.
+    #[arg(long, value_name = "N")]
+    pub spp: Option<u64>,
+    /// Seed instead of the job's.
+    #[arg(long, value_name = "N")]
+    pub seed: Option<u64>,
+    /// Width and height in pixels instead of the job's, for example 480x270.
+    #[arg(long, value_name = "WxH", value_parser = parse_resolution)]
+    pub resolution: Option<[u32; 2]>,
+}
+
+fn parse_resolution(text: &str) -> Result<[u32; 2], String> {
+    text.split_once(['x', 'X'])
+        .and_then(|(width, height)| Some([width.parse().ok()?, height.parse().ok()?]))
+        .filter(|size| !size.contains(&0))
+        .ok_or_else(|| "give width and height in pixels like 480x270".into())
+}
+
+impl RenderOptions {
+    pub(crate) fn overrides(&self) -> Overrides {
+        Overrides {
+            image: self.output.clone(),
+            preview: self.preview.clone(),
+            spp: self.spp,
+            seed: self.seed,
+            resolution: self.resolution,
+        }
+    }
+}
+
+/// Options of `info`.
+#[derive(Debug, Args)]
+pub struct InfoOptions {
+    /// OpenVDB (.vdb), scene (.gltf, .glb) or job (.json).
+    pub file: PathBuf,
+    /// Print JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Options of `plan`.
+#[derive(Debug, Args)]
+pub struct PlanOptions {
+    /// What would be rendered.
+    #[command(flatten)]
+    pub input: InputOptions,
+    /// Print JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Options of `schema`.
+#[derive(Debug, Args)]
+pub struct SchemaOptions {
+    /// Print the reference page of the book instead.
+    #[arg(long, hide = true)]
+    pub markdown: bool,
+}
+
+/// Options of `compare`.
+#[derive(Debug, Args)]
+pub struct CompareOptions {
+    /// The image to judge.
+    pub a: PathBuf,
+    /// The reference.
+    pub b: PathBuf,
+    /// Print JSON.
+    #[arg(long)]
+    pub json: bool,
+    /// Write A - B: .exr signed, .png around middle grey.
+    #[arg(long, value_name = "FILE")]
+    pub difference: Option<PathBuf>,
+    /// Exposure in stops at which FLIP looks at the images.
+    #[arg(long, value_name = "STOPS", default_value_t = 0.0, allow_negative_numbers = true)]
+    pub exposure: f32,
+    /// Factor on the difference in a .png.
+    #[arg(long, value_name = "X", default_value_t = 1.0)]
+    pub gain: f32,
+}
+
+/// Options of `probe`.
+#[derive(Debug, Args)]
+pub struct ProbeOptions {
+    /// What to ask.
+    #[command(subcommand)]
+    pub question: Question,
+}
+
+/// The questions of `probe`.
+#[derive(Debug, Subcommand)]
+pub enum Question {
+    /// Values of a grid at points.
+    #[command(after_long_help = "\
+POINTS.json: {\"space\": \"index\" or \"world\", \"points\": [[x, y, z], ...]}
+Prints {\"values\": [...], \"active\": [...]}: the stored value at integer index coordinates, elsewhere
+interpolated. Numbers that JSON does not have are printed as \"nan\", \"inf\" and \"-inf\".")]
+    Values(ValuesOptions),
+    /// Transmittance along rays.
+    #[command(after_long_help = "\
+RAYS.json: {\"rays\": [{\"origin\": [x, y, z], \"direction\": [x, y, z], \"tmin\": t, \"tmax\": t}, ...]}
+Prints {\"estimator\", \"rays\": [{\"mean\", \"variance\", \"samples\", \"lookups\", \"seconds\"}, ...], \"dropped\"};
+the variance is that of one sample. `regular` is exact: it adds \"optical_depth\" and takes one sample.")]
+    Transmittance(TransmittanceOptions),
+}
+
+/// Interpolation on the command line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum InterpolationArgument {
+    /// The nearest voxel.
+    Nearest,
+    /// Linear along each axis.
+    Trilinear,
+}
+
+/// Options of `probe values`.
+#[derive(Debug, Args)]
+pub struct ValuesOptions {
+    /// OpenVDB file.
+    pub file: PathBuf,
+    /// The grid, `name` or `name[i]`.
+    #[arg(long, value_name = "NAME")]
+    pub grid: String,
+    /// Points to look at.
+    #[arg(long, value_name = "POINTS.json")]
+    pub points: PathBuf,
+    /// How values between voxels are formed.
+    #[arg(long, value_enum, default_value_t = InterpolationArgument::Trilinear)]
+    pub interpolation: InterpolationArgument,
+}
+
+/// Options of `probe transmittance`.
+#[derive(Debug, Args)]
+pub struct TransmittanceOptions {
+    /// OpenVDB file.
+    pub file: PathBuf,
+    /// The grid, `name` or `name[i]`.
+    #[arg(long, value_name = "NAME")]
+    pub grid: String,
+    /// Extinction per unit length where the grid is 1.
+    #[arg(long, value_name = "S", default_value_t = 1.0, value_parser = parse_scale)]
+    pub density_scale: f64,
+    /// Rays to follow, in world space.
+    #[arg(long, value_name = "RAYS.json")]
+    pub rays: PathBuf,
+    /// regular, delta or ratio.
+    #[arg(long, value_name = "NAME")]
+    pub estimator: String,
+    /// Samples per ray.
+    #[arg(long, value_name = "N", default_value_t = 1024)]
+    pub samples: u64,
+    /// Seed.
+    #[arg(long, value_name = "K", default_value_t = 0)]
+    pub seed: u64,
+    /// How values between voxels are formed.
+    #[arg(long, value_enum, default_value_t = InterpolationArgument::Trilinear)]
+    pub interpolation: InterpolationArgument,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        Arguments::command().debug_assert();
+    }
+
+    #[test]
+    fn sizes_are_parsed() {
+        assert_eq!(parse_resolution("480x270"), Ok([480, 270]));
+        for wrong in ["480", "x", "0x3", "3x-1", "4x4x4"] {
+            assert!(parse_resolution(wrong).is_err(), "{wrong}");
+        }
+    }
+}

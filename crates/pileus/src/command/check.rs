@@ -1,0 +1,26 @@
+//! `pileus check`.
+
+use crate::cli::InputOptions;
+use crate::command::{Prepared, prepare};
+use crate::failure::Failure;
+use crate::report::Report;
+use crate::settings::Overrides;
+
+pub(crate) fn run(options: &InputOptions, report: &Report) -> Result<(), Failure> {
+    let Prepared { settings, loaded, .. } = prepare(options, &Overrides::default())?;
+    // What only the film can refuse, a crop outside the image for one.
+    pileus_film::Film::new(loaded.scene.camera.resolution(), settings.crop)?;
+    let [width, height] = loaded.scene.camera.resolution();
+    report.text(format_args!(
+        "{}: good; {} volumes, {} lights, {width} x {height} pixels, {} samples per pixel",
+        options.input.display(),
+        loaded.scene.volumes.len(),
+        loaded.scene.lights.len(),
+        settings.render.samples.end,
+    ));
+    for file in settings.files() {
+        report.text(format_args!("  reads {}", file.display()));
+    }
+    report.text(format_args!("  writes {}", settings.outputs.image.display()));
+    Ok(())
+}

@@ -1,0 +1,68 @@
+//! `pileus compare`.
+
+use pileus_film::{Curve, ExrSettings, ToneMap, read_exr, write_exr, write_png};
+use pileus_lab::{CompareSettings, Comparison, compare_with, difference_image, difference_view};
+
+use crate::cli::CompareOptions;
+use crate::failure::Failure;
+use crate::report::Report;
+
+pub(crate) fn run(options: &CompareOptions, report: &Report) -> Result<(), Failure> {
+    let png = match options.difference.as_ref().map(|path| path.extension()) {
+        None => false,
+        Some(Some(extension)) if extension.eq_ignore_ascii_case("png") => true,
+        Some(Some(extension)) if extension.eq_ignore_ascii_case("exr") => false,
+        Some(_) => {
+            let what = "the difference image is neither .exr nor .png";
+            return Err(Failure::usage(what, "name it .exr (signed values) or .png (to look at)"));
+        }
+    };
+    let (a, b) = (read_exr(&options.a)?, read_exr(&options.b)?);
+    let settings =
+        CompareSettings { exposure_stops: options.exposure, ..CompareSettings::default() };
+    let comparison = compare_with(&a, &b, &settings)?;
+    if let Some(path) = &options.difference {
+        let difference = difference_image(&a, &b)?;
+        if png {
+            let tone = ToneMap { exposure_stops: 0.0, curve: Curve::Srgb };
+            write_png(path, &difference_view(&difference, options.gain)?, &tone)?;
+        } else {
+            write_exr(path, &difference, &ExrSettings::default())?;
+        }
+    }
+    if options.json {
+        report.json(&comparison);
+    } else {
+        report.text(table(&comparison));
+    }
+    Ok(())
+}
+
+fn table(c: &Comparison) -> String {
+    let rgb = |v: [f64; 3]| format!("{:>12.6} {:>12.6} {:>12.6}", v[0], v[1], v[2]);
+    let noise =
+        |v: Option<f64>| v.map_or(String::new(), |v| format!("  (noise of A alone {v:.6e})"));
+    let mut lines = vec![
+        format!("size        {} x {}", c.width, c.height),
+        format!("MSE         {:.6e}{}", c.mse, noise(c.mse_noise_a)),
+        format!("relMSE      {:.6e}{}", c.rel_mse, noise(c.rel_mse_noise_a)),
+    ];
+    if let Some(flip) = c.flip {
+        lines.push(format!("FLIP        {flip:.6}"));
+    }
+    lines.push(format!("mean A      {}", rgb(c.mean_a)));
+    if let Some(stderr) = c.stderr_a {
+        lines.push(format!("  std. err. {}", rgb(stderr)));
+    }
+    lines.push(format!("mean B      {}", rgb(c.mean_b)));
+    if let Some(stderr) = c.stderr_b {
+        lines.push(format!("  std. err. {}", rgb(stderr)));
+    }
+    lines.push(format!("A - B       {}", rgb(c.mean_difference)));
+    lines.push(format!("  std. err. {}", rgb(c.stderr_difference)));
+    lines.push(format!("largest     {:.6}", c.max_difference));
+    if c.skipped_pixels > 0 {
+        lines.push(format!("skipped     {} pixels that are not finite in both", c.skipped_pixels));
+    }
+    lines.join("\n")
+}

@@ -1,0 +1,444 @@
+//! `pileus info`.
+
+use std::path::Path;
+
+use pileus_media::{VoxelGrid, VoxelGridOptions};
+use pileus_scene::gltf::{self, GltfScene};
+use pileus_scene::volume::default_density_grid;
+use pileus_scene::{Light, json::Document};
+use pileus_vdb::{Compression, Coord, Grid, GridInfo, MetaValue, Metadata, Tree, Values, VdbFile};
+use serde_json::{Map, Value, json};
+
+use crate::cli::InfoOptions;
+use crate::failure::Failure;
+use crate::input::{Input, Kind, VdbOptions};
+use crate::job::DEFAULT_LUMENS_PER_WATT;
+use crate::report::Report;
+use crate::settings::{Overrides, Settings};
+
+pub(crate) fn run(options: &InfoOptions, report: &Report) -> Result<(), Failure> {
+    match Kind::of(&options.file)? {
+        Kind::Vdb => {
+            let info = vdb(&options.file)?;
+            if options.json {
+                report.json(&info)
+            } else {
+                report.text(vdb_text(&options.file, &info))
+            }
+        }
+        Kind::Gltf => {
+            let scene = gltf::load(&options.file, DEFAULT_LUMENS_PER_WATT)?;
+            let info = gltf_json(&scene);
+            if options.json {
+                report.json(&info)
+            } else {
+                report.text(gltf_text(&options.file, &scene))
+            }
+        }
+        Kind::Job => {
+            let input = Input::open(&options.file, &VdbOptions::default())?;
+            let document = input.document.clone();
+            let settings = Settings::resolve(input, &Overrides::default())?;
+            let info = job_json(&settings, document.as_ref());
+            if options.json {
+                report.json(&info)
+            } else {
+                report.text(job_text(&options.file, &settings))
+            }
+        }
+    }
+    Ok(())
+}
+
+/// A number as JSON; what JSON does not have becomes a string.
+pub(crate) fn number(value: f64) -> Value {
+    match serde_json::Number::from_f64(value) {
+        Some(number) => Value::Number(number),
+        None if value.is_nan() => "nan".into(),
+        None if value > 0.0 => "inf".into(),
+        None => "-inf".into(),
+    }
+}
+
+/// Values of a grid as JSON.
+pub(crate) trait ToJson: Copy + PartialEq {
+    fn to_json(self) -> Value;
+}
+
+impl ToJson for f32 {
+    fn to_json(self) -> Value {
+        number(f64::from(self))
+    }
+}
+
+impl ToJson for f64 {
+    fn to_json(self) -> Value {
+        number(self)
+    }
+}
+
+impl ToJson for i32 {
+    fn to_json(self) -> Value {
+        self.into()
+    }
+}
+
+impl ToJson for i64 {
+    fn to_json(self) -> Value {
+        self.into()
+    }
+}
+
+impl ToJson for bool {
+    fn to_json(self) -> Value {
+        self.into()
+    }
+}
+
+impl<T: ToJson> ToJson for [T; 3] {
+    fn to_json(self) -> Value {
+        Value::Array(self.map(T::to_json).into())
+    }
+}
+
+fn vdb(path: &Path) -> Result<Value, Failure> {
+    let file = VdbFile::open(path)?;
+    let density = default_density_grid(&file);
+    let mut grids = Vec::new();
+    let mut render_grid = Value::Null;
+    for (index, info) in file.grids().iter().enumerate() {
+        let mut entry = describe(info);
+        match file.read(index) {
+            Ok(grid) => {
+                summarise(&mut entry, &grid);
+                if density == Some(index) {
+                    render_grid = build(grid)?;
+                }
+            }
+            // A type that cannot be read is still worth listing.
+            Err(error @ pileus_vdb::Error::Unsupported { .. }) => {
+                entry.insert("unreadable".into(), error.to_string().into());
+            }
+            Err(error) => return Err(error.into()),
+        }
+        grids.push(Value::Object(entry));
+    }
+    let (major, minor) = file.library_version();
+    Ok(json!({
+        "file_version": file.version(),
+        "library_version": format!("{major}.{minor}"),
+        "metadata": metadata(file.metadata()),
+        "grids": grids,
+        "render_grid": render_grid,
+    }))
+}
+
+/// What the header says about a grid.
+fn describe(info: &GridInfo) -> Map<String, Value> {
+    let matrix = info.transform.matrix().ok();
+    let flat = matrix.map(|rows| rows.concat().into_iter().map(number).collect::<Vec<_>>());
+    let mut entry = Map::new();
+    for (key, value) in [
+        ("name", json!(info.name)),
+        ("index", json!(info.index)),
+        ("type", json!(info.value_type.to_string())),
+        ("class", json!(info.class.to_string())),
+        ("compression", json!(compression(info.compression))),
+        ("half", json!(info.saved_as_half)),
+        ("instance_of", json!(info.instance_of)),
+        ("transform", json!({ "kind": info.transform.kind().map_name(), "matrix": flat })),
+        ("metadata", metadata(&info.metadata)),
+    ] {
+        entry.insert(key.into(), value);
+    }
+    entry
+}
+
+/// Named as OpenVDB names it.
+fn compression(compression: Compression) -> String {
+    let parts = [
+        (compression.zip, "zip"),
+        (compression.blosc, "blosc"),
+        (compression.active_mask, "active values"),
+    ];
+    let names: Vec<&str> =
+        parts.into_iter().filter_map(|(used, name)| used.then_some(name)).collect();
+    if names.is_empty() { "none".into() } else { names.join(" + ") }
+}
+
+/// What the voxels say.
+fn summarise(entry: &mut Map<String, Value>, grid: &Grid) {
+    match &grid.values {
+        Values::Float(tree) => fill(entry, tree, tree.min_max()),
+        Values::Double(tree) => fill(entry, tree, tree.min_max()),
+        Values::Int32(tree) => fill(entry, tree, tree.min_max()),
+        Values::Int64(tree) => fill(entry, tree, tree.min_max()),
+        Values::Bool(tree) | Values::Mask(tree) => fill(entry, tree, None),
+        Values::Vec3f(tree) => fill(entry, tree, tree.min_max()),
+        Values::Vec3d(tree) => fill(entry, tree, tree.min_max()),
+        Values::Vec3i(tree) => fill(entry, tree, tree.min_max()),
+    }
+}
+
+fn fill<T: ToJson>(entry: &mut Map<String, Value>, tree: &Tree<T>, range: Option<(T, T)>) {
+    let corner = |c: Coord| json!(c);
+    let bbox = tree.active_bbox().map(|(low, high)| json!([corner(low), corner(high)]));
+    for (key, value) in [
+        ("active_voxels", json!(tree.active_voxel_count())),
+        ("leaf_count", json!(tree.leaves().len())),
+        ("tile_count", json!(tree.tiles().iter().filter(|tile| tile.active).count())),
+        ("bbox", bbox.unwrap_or(Value::Null)),
+        ("background", tree.background().to_json()),
+        ("min", range.map_or(Value::Null, |(min, _)| min.to_json())),
+        ("max", range.map_or(Value::Null, |(_, max)| max.to_json())),
+    ] {
+        entry.insert(key.into(), value);
+    }
+}
+
+/// Builds the render grid and tells what it takes.
+fn build(grid: Grid) -> Result<Value, Failure> {
+    let name = grid.info.full_name();
+    let tree = grid.to_float()?;
+    let active = tree.active_voxel_count();
+    let built = VoxelGrid::from_tree(&tree, &VoxelGridOptions::default())?;
+    let report = built.report();
+    let bytes = report.bytes_voxels + report.bytes_bounds + report.bytes_index;
+    let per =
+        |count: u64| if count == 0 { Value::Null } else { json!(bytes as f64 / count as f64) };
+    Ok(json!({
+        "grid": name,
+        "build_seconds": report.seconds,
+        "bricks": report.bricks,
+        "voxels": report.voxels,
+        "stored_as_half": report.stored_as_half,
+        "bytes": bytes,
+        "bytes_voxels": report.bytes_voxels,
+        "bytes_bounds": report.bytes_bounds,
+        "bytes_index": report.bytes_index,
+        "bytes_per_voxel": per(report.voxels),
+        "bytes_per_active_voxel": per(active),
+        "replaced_non_finite": report.replaced_non_finite,
+        "replaced_negative": report.replaced_negative,
+    }))
+}
+
+fn metadata(metadata: &Metadata) -> Value {
+    let pairs = metadata.iter().map(|(name, value)| {
+        let numbers = |values: &[f64]| Value::Array(values.iter().map(|&v| number(v)).collect());
+        let value = match value {
+            MetaValue::Bool(v) => json!(v),
+            MetaValue::Int32(v) => json!(v),
+            MetaValue::Int64(v) => json!(v),
+            MetaValue::Float(v) => number(f64::from(*v)),
+            MetaValue::Double(v) => number(*v),
+            MetaValue::String(v) => json!(v),
+            MetaValue::Vec2i(v) => json!(v),
+            MetaValue::Vec3i(v) => json!(v),
+            MetaValue::Vec4i(v) => json!(v),
+            MetaValue::Vec2f(v) => numbers(&v.map(f64::from)),
+            MetaValue::Vec3f(v) => numbers(&v.map(f64::from)),
+            MetaValue::Vec4f(v) => numbers(&v.map(f64::from)),
+            MetaValue::Vec2d(v) => numbers(v),
+            MetaValue::Vec3d(v) => numbers(v),
+            MetaValue::Vec4d(v) => numbers(v),
+            MetaValue::Mat4f(v) => numbers(&v.map(f64::from)),
+            MetaValue::Mat4d(v) => numbers(v),
+            other => json!(other.to_string()),
+        };
+        (name.to_owned(), value)
+    });
+    Value::Object(pairs.collect())
+}
+
+fn vdb_text(path: &Path, info: &Value) -> String {
+    let at = |value: &Value, key: &str| match value.get(key) {
+        Some(Value::String(text)) => text.clone(),
+        Some(Value::Null) | None => "-".into(),
+        Some(value) => value.to_string(),
+    };
+    let mut lines = vec![format!(
+        "{}: OpenVDB, file format {}, library {}",
+        path.display(),
+        at(info, "file_version"),
+        at(info, "library_version"),
+    )];
+    for grid in info.get("grids").and_then(Value::as_array).into_iter().flatten() {
+        let half =
+            if grid.get("half") == Some(&Value::Bool(true)) { ", saved as half" } else { "" };
+        lines.push(format!("grid {}[{}]", at(grid, "name"), at(grid, "index")));
+        lines.push(format!(
+            "  {}, {}, {}{half}",
+            at(grid, "type"),
+            at(grid, "class"),
+            at(grid, "compression"),
+        ));
+        if let Some(error) = grid.get("unreadable") {
+            lines.push(format!("  cannot be read: {error}"));
+            continue;
+        }
+        lines.push(format!(
+            "  {} active voxels in {}, {} leaves, {} tiles",
+            at(grid, "active_voxels"),
+            at(grid, "bbox"),
+            at(grid, "leaf_count"),
+            at(grid, "tile_count"),
+        ));
+        lines.push(format!(
+            "  values {} to {}, background {}",
+            at(grid, "min"),
+            at(grid, "max"),
+            at(grid, "background"),
+        ));
+        if let Some(transform) = grid.get("transform") {
+            lines.push(format!("  {} {}", at(transform, "kind"), at(transform, "matrix")));
+        }
+    }
+    if let Some(built) = info.get("render_grid").filter(|built| built.is_object()) {
+        let float = |key: &str| built.get(key).and_then(Value::as_f64).unwrap_or(0.0);
+        lines.push(format!(
+            "render grid of {}: built in {:.3} s, {:.2} MB, {:.2} bytes per stored voxel, {:.2} per active voxel, {}",
+            at(built, "grid"),
+            float("build_seconds"),
+            float("bytes") * 1e-6,
+            float("bytes_per_voxel"),
+            float("bytes_per_active_voxel"),
+            if built.get("stored_as_half") == Some(&Value::Bool(true)) { "binary16" } else { "binary32" },
+        ));
+    }
+    lines.join("\n")
+}
+
+fn light_json(light: &Light) -> Value {
+    match light {
+        Light::Sun(sun) => json!({
+            "type": "sun",
+            "to_light": sun.to_light.to_array(),
+            "irradiance": sun.irradiance.to_array(),
+            "angular_diameter": f64::from(sun.angular_diameter).to_degrees(),
+        }),
+        Light::Point(point) => json!({
+            "type": "point",
+            "position": point.position.to_array(),
+            "intensity": point.intensity.to_array(),
+        }),
+        Light::Spot(spot) => json!({
+            "type": "spot",
+            "position": spot.position.to_array(),
+            "direction": spot.direction.to_array(),
+            "intensity": spot.intensity.to_array(),
+            "inner_angle": f64::from(spot.cos_inner).acos().to_degrees(),
+            "outer_angle": f64::from(spot.cos_outer).acos().to_degrees(),
+        }),
+        _ => json!({ "type": "other" }),
+    }
+}
+
+fn matrix(transform: &glam::DAffine3) -> Vec<f64> {
+    // Column-major, as glTF writes node matrices.
+    glam::DMat4::from(*transform).to_cols_array().to_vec()
+}
+
+fn gltf_json(scene: &GltfScene) -> Value {
+    let cameras: Vec<Value> = scene
+        .cameras
+        .iter()
+        .map(|camera| {
+            json!({
+                "node": camera.node,
+                "fov_y": camera.fov_y_degrees,
+                "aspect_ratio": camera.aspect_ratio,
+                "matrix": matrix(&camera.to_world),
+            })
+        })
+        .collect();
+    let volumes: Vec<Value> = scene
+        .volumes
+        .iter()
+        .map(|volume| {
+            json!({
+                "node": volume.node,
+                "volume": volume.spec,
+                "matrix": matrix(&volume.to_world),
+            })
+        })
+        .collect();
+    json!({
+        "counts": scene.counts,
+        "cameras": cameras,
+        "lights": scene.lights.iter().map(light_json).collect::<Vec<_>>(),
+        "volumes": volumes,
+        "not_modelled": scene.not_modelled,
+    })
+}
+
+fn gltf_text(path: &Path, scene: &GltfScene) -> String {
+    let counts = &scene.counts;
+    let mut lines = vec![format!(
+        "{}: glTF 2.0, {} nodes, {} meshes, {} materials, {} animations",
+        path.display(),
+        counts.nodes,
+        counts.meshes,
+        counts.materials,
+        counts.animations,
+    )];
+    for camera in &scene.cameras {
+        let fov =
+            camera.fov_y_degrees.map_or("orthographic".into(), |a| format!("{a:.2} degrees high"));
+        lines.push(format!(
+            "camera `{}`: {fov}, at {:.4}",
+            camera.node, camera.to_world.translation
+        ));
+    }
+    for light in &scene.lights {
+        lines.push(format!("light {}", light_json(light)));
+    }
+    for volume in &scene.volumes {
+        let spec = serde_json::to_string(&volume.spec).unwrap_or_default();
+        lines.push(format!(
+            "volume `{}`: {spec}, at {:.4}",
+            volume.node, volume.to_world.translation
+        ));
+    }
+    lines.extend(scene.not_modelled.iter().map(|item| format!("not modelled: {item}")));
+    lines.join("\n")
+}
+
+fn job_json(settings: &Settings, document: Option<&Document>) -> Value {
+    let files: Vec<Value> = settings
+        .files()
+        .iter()
+        .map(|path| json!({ "path": path.to_string_lossy(), "exists": path.is_file() }))
+        .collect();
+    json!({
+        "job": settings.job,
+        "bytes": document.map(|document| document.text().len()),
+        "files": files,
+        "outputs": {
+            "image": settings.outputs.image.to_string_lossy(),
+            "preview": settings.outputs.preview.as_ref().map(|path| path.to_string_lossy()),
+            "stats": settings.outputs.stats.to_string_lossy(),
+        },
+        "samples": settings.render.samples.end,
+        "seed": settings.render.seed,
+        "max_bounces": settings.render.max_bounces,
+    })
+}
+
+fn job_text(path: &Path, settings: &Settings) -> String {
+    let job = &settings.job;
+    let mut lines = vec![format!(
+        "{}: job, {} volumes, {} lights, {} samples per pixel, seed {}",
+        path.display(),
+        job.volumes.iter().flatten().count(),
+        job.lights.iter().flatten().count(),
+        settings.render.samples.end,
+        settings.render.seed,
+    )];
+    for file in settings.files() {
+        let missing = if file.is_file() { "" } else { " (missing)" };
+        lines.push(format!("reads {}{missing}", file.display()));
+    }
+    lines.push(format!("writes {}", settings.outputs.image.display()));
+    lines.join("\n")
+}

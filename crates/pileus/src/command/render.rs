@@ -1,0 +1,148 @@
+//! `pileus render`.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+
+use pileus_film::{ExrSettings, Film, ToneMap, write_atomically, write_exr, write_png};
+use pileus_integrator::Monitor;
+
+use crate::cli::RenderOptions;
+use crate::command::{Prepared, prepare};
+use crate::failure::Failure;
+use crate::machine;
+use crate::record::{Seconds, Stats, VERSION, metadata};
+use crate::report::{Progress, Report};
+use crate::settings::Outputs;
+
+struct Watch<'a> {
+    interrupted: &'a AtomicBool,
+    progress: &'a Progress,
+    pixels: u64,
+}
+
+impl Monitor for Watch<'_> {
+    fn cancelled(&self) -> bool {
+        self.interrupted.load(Ordering::Relaxed)
+    }
+
+    fn progress(&self, done: u64, _total: u64) {
+        self.progress.set(done, self.pixels);
+    }
+}
+
+pub(crate) fn run(options: &RenderOptions, report: &Report) -> Result<(), Failure> {
+    let start = Instant::now();
+    let interrupted = machine::interrupted();
+    let Prepared { settings, loaded, plan } = prepare(&options.input, &options.overrides())?;
+    let scene = &loaded.scene;
+    check_outputs(&settings.outputs)?;
+    tracing::debug!("plan:\n{plan}");
+    let mut film = Film::new(scene.camera.resolution(), settings.crop)?;
+    let mut seconds =
+        Seconds { load: loaded.seconds_load, build: loaded.seconds_build, ..Seconds::default() };
+
+    let crop = film.crop();
+    let pixels = u64::from(crop.width) * u64::from(crop.height);
+    let spp = settings.render.samples.end - settings.render.samples.start;
+    let progress = report.progress(pixels.saturating_mul(spp));
+    let watch = Watch { interrupted, progress: &progress, pixels };
+    let sampling = Instant::now();
+    let counters = pileus_integrator::render(scene, &plan, &settings.render, &mut film, &watch);
+    seconds.render = sampling.elapsed().as_secs_f64();
+    progress.finish();
+    let counters = counters?;
+    if film.samples() == 0 {
+        return Err(Failure::Interrupted(
+            "stopped before the first sample: nothing was written".into(),
+        ));
+    }
+    if film.samples() < 2 {
+        tracing::warn!("one sample per pixel: the variance is not known and written as infinite");
+    }
+    if counters.violations > 0 {
+        tracing::error!("{} lookups exceeded their majorant: this is a bug", counters.violations);
+    }
+    if counters.dropped > 0 {
+        tracing::warn!("{} samples were not finite and are left out", counters.dropped);
+    }
+
+    let writing = Instant::now();
+    let job_hash = settings.job_hash();
+    let mut image = film.image();
+    image.add_layer("variance", &film.variance())?;
+    let exr = ExrSettings {
+        half: false,
+        parallel: rayon::current_num_threads() > 1,
+        metadata: metadata(&settings, &plan, &counters, film.samples(), &job_hash),
+        ..ExrSettings::default()
+    };
+    let outputs = &settings.outputs;
+    write_exr(&outputs.image, &image, &exr)?;
+    if let Some(preview) = &outputs.preview {
+        write_png(preview, &image, &ToneMap::default())?;
+    }
+    seconds.write = writing.elapsed().as_secs_f64();
+    seconds.total = start.elapsed().as_secs_f64();
+
+    let was_interrupted = film.samples() < spp;
+    let stats = Stats {
+        seconds,
+        samples: film.samples(),
+        counters: &counters,
+        peak_memory_bytes: Stats::peak_memory(),
+        plan: &plan,
+        version: VERSION,
+        job_hash: &job_hash,
+        interrupted: was_interrupted,
+        threads: rayon::current_num_threads(),
+        resolution: film.resolution(),
+        crop: [crop.x0, crop.y0, crop.width, crop.height],
+        image: &outputs.image.to_string_lossy(),
+    };
+    write_stats(&outputs.stats, &stats)?;
+    tracing::info!(
+        "{}: {} samples per pixel in {:.1} s, {:.2} M paths/s",
+        outputs.image.display(),
+        film.samples(),
+        seconds.render,
+        counters.paths as f64 / seconds.render.max(1e-9) * 1e-6,
+    );
+    if was_interrupted {
+        return Err(Failure::Interrupted(format!(
+            "stopped after {} of {spp} samples per pixel; {} is written",
+            film.samples(),
+            outputs.image.display()
+        )));
+    }
+    Ok(())
+}
+
+/// Folders of the outputs must exist before hours are spent on what cannot be written.
+fn check_outputs(outputs: &Outputs) -> Result<(), Failure> {
+    let paths: [Option<&PathBuf>; 3] =
+        [Some(&outputs.image), outputs.preview.as_ref(), Some(&outputs.stats)];
+    for path in paths.into_iter().flatten() {
+        let folder = path.parent().filter(|f| !f.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        if !folder.is_dir() {
+            return Err(Failure::Io {
+                path: path.clone(),
+                what: format!(
+                    "cannot be written: there is no folder {}; create it first",
+                    folder.display()
+                ),
+                source: std::io::ErrorKind::NotFound.into(),
+            });
+        }
+    }
+    Ok(())
+}
+
+fn write_stats(path: &Path, stats: &Stats<'_>) -> Result<(), Failure> {
+    write_atomically(path, |out| {
+        serde_json::to_writer_pretty(&mut *out, stats)?;
+        writeln!(out)
+    })?;
+    Ok(())
+}

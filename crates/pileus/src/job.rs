@@ -1,0 +1,315 @@
+//! The job file as people write it: optional fields, unknown keys refused.
+//!
+//! The doc comments here are the reference: `pileus schema` and the page made from it print them.
+
+use pileus_scene::volume_spec::{Rgb, VolumeSpec};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Vertical opening angle of cameras that do not name one, degrees.
+pub const DEFAULT_FOV_Y: f64 = 35.0;
+/// Samples per pixel of jobs that do not say.
+pub const DEFAULT_SPP: u64 = 64;
+/// Half width of the pixel filter of jobs that do not say, pixels.
+pub const DEFAULT_FILTER_RADIUS: f32 = 0.5;
+/// Lumens per watt of glTF lights of jobs that do not say.
+pub const DEFAULT_LUMENS_PER_WATT: f64 = 683.0;
+
+/// A job: what to render, from where, in which light, how well, and where to put it.
+///
+/// Paths are relative to the job file. Lengths are scene units, angles degrees, colours linear
+/// Rec. 709, coordinates right-handed with +Y up. Comments and unknown keys are refused.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(title = "Pileus job")]
+pub struct Job {
+    /// The schema that editors should check this file against; ignored.
+    #[serde(default, rename = "$schema", skip_serializing_if = "Option::is_none")]
+    pub schema: Option<String>,
+    /// A glTF scene (`.gltf` or `.glb`): its cameras, punctual lights and volumes are rendered.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("examples" = ["shot.gltf"]))]
+    pub scene: Option<String>,
+    /// How the glTF scene is read.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gltf: Option<GltfSpec>,
+    /// Volumes, added to those of the scene. They may overlap.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub volumes: Option<Vec<VolumeSpec>>,
+    /// The camera. Default: the first camera of the scene, else one that frames the volumes.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub camera: Option<CameraSpec>,
+    /// Lights, added to those of the scene. Without any light in job and scene: the default sky, a
+    /// sun and a blue gradient.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lights: Option<Vec<LightSpec>>,
+    /// Size and filter of the image.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub film: Option<FilmSpec>,
+    /// How the image is sampled.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sampling: Option<SamplingSpec>,
+    /// Which files are written.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub output: Option<OutputSpec>,
+}
+
+/// How a glTF scene is read.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct GltfSpec {
+    /// Candela and lux of punctual lights are divided by this to give radiant units; 1 takes the
+    /// numbers as they are.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("default" = DEFAULT_LUMENS_PER_WATT))]
+    pub lumens_per_watt: Option<f64>,
+}
+
+/// A perspective camera: `position` and `look_at`, or the `node` of a camera in the glTF scene.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CameraSpec {
+    /// Name of a glTF node with a camera; excludes the keys of placement.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("examples" = ["Camera.001"]))]
+    pub node: Option<String>,
+    /// Where the camera stands.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub position: Option<[f64; 3]>,
+    /// What it looks at.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub look_at: Option<[f64; 3]>,
+    /// What is up in the image.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("default" = [0, 1, 0]))]
+    pub up: Option<[f64; 3]>,
+    /// Full vertical opening angle in degrees.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("default" = DEFAULT_FOV_Y))]
+    pub fov_y: Option<f64>,
+    /// When the shutter opens and closes. Motion is not rendered by this version: both must be 0.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("default" = [0, 0]))]
+    pub shutter: Option<[f64; 2]>,
+}
+
+/// A light.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(tag = "type", rename_all = "snake_case", deny_unknown_fields)]
+pub enum LightSpec {
+    /// Light from infinitely far away.
+    Sun {
+        /// Direction from the scene to the sun, of any length.
+        to_light: [f64; 3],
+        /// Irradiance on a plane facing the sun.
+        irradiance: Rgb,
+        /// Full opening angle of the disc in degrees; 0 is a single direction.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        #[schemars(extend("default" = 0))]
+        angular_diameter: Option<f64>,
+    },
+    /// Light from all around: either `radiance` or `image`.
+    Environment {
+        /// The same radiance from all directions.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        radiance: Option<Rgb>,
+        /// A latitude-longitude image (`.exr` or `.hdr`), +Y up, its middle column at -Z.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        image: Option<String>,
+        /// Factor on the image.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        #[schemars(extend("default" = 1))]
+        intensity: Option<f64>,
+        /// Turns the image counter-clockwise seen from above, degrees.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        #[schemars(extend("default" = 0))]
+        rotation_y: Option<f64>,
+    },
+    /// Light from a point, the same in all directions.
+    Point {
+        /// Where it is.
+        position: [f64; 3],
+        /// Radiant intensity per steradian: irradiance at distance 1, facing the light.
+        intensity: Rgb,
+    },
+}
+
+/// Size and filter of the image.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FilmSpec {
+    /// Width and height of the full image in pixels. Default: 640 pixels along the longer side in
+    /// the aspect ratio of the glTF camera, or 640 x 360.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("examples" = [[480, 270]]))]
+    pub resolution: Option<[u32; 2]>,
+    /// The part that is rendered: left, top, width, height in pixels; null renders everything.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("default" = null))]
+    pub crop: Option<[u32; 4]>,
+    /// How a pixel weighs the image plane around its centre.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub filter: Option<FilterSpec>,
+}
+
+/// A pixel filter. Default: the box of one pixel, which is the plain average over its square.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FilterSpec {
+    /// Its shape.
+    #[serde(default, rename = "type", skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("default" = "box"))]
+    pub kind: Option<FilterKind>,
+    /// Its half width in pixels. Default 0.5 for `box`, 1.5 for `blackman_harris`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub radius: Option<f32>,
+}
+
+/// Shape of a pixel filter.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum FilterKind {
+    /// Constant on a square.
+    #[default]
+    Box,
+    /// The four-term Blackman-Harris window along both axes: smooth, without aliasing.
+    BlackmanHarris,
+}
+
+/// How the image is sampled.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SamplingSpec {
+    /// Samples per pixel, at least 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("default" = DEFAULT_SPP))]
+    pub spp: Option<u64>,
+    /// Seed of all random numbers: the same seed gives the same image, bit for bit.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("default" = 0))]
+    pub seed: Option<u64>,
+    /// Most scattering events on a path: 0 shows the background through the volumes, 1 is single
+    /// scattering. Longer paths are cut, which darkens the image; null is unlimited.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("default" = null))]
+    pub max_bounces: Option<u32>,
+    /// How transmittance is estimated.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("default" = "auto"))]
+    pub transmittance: Option<TransmittanceSpec>,
+    /// How distances are sampled.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("default" = "auto"))]
+    pub distance: Option<DistanceSpec>,
+}
+
+/// How transmittance is estimated; all are unbiased.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum TransmittanceSpec {
+    /// What the plan finds best for the scene.
+    #[default]
+    Auto,
+    /// Ratio tracking.
+    Ratio,
+    /// Delta tracking: whether a free flight gets through.
+    Delta,
+}
+
+/// How distances are sampled; all are unbiased.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum DistanceSpec {
+    /// What the plan finds best for the scene.
+    #[default]
+    Auto,
+    /// Delta tracking on local majorants.
+    Delta,
+}
+
+/// Which files are written, each beside its target and renamed when it is whole.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct OutputSpec {
+    /// The image, OpenEXR: linear radiance, alpha, and the variance of each pixel's mean as the
+    /// layer `variance`. Default: the name of the job with `.exr`, in the current folder.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("examples" = ["cloud.exr"]))]
+    pub image: Option<String>,
+    /// A PNG to look at, tone-mapped. Default: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("examples" = ["cloud.png"]))]
+    pub preview: Option<String>,
+    /// Counters and times as JSON. Default: the image's path with `.stats.json`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("examples" = ["cloud.stats.json"]))]
+    pub stats: Option<String>,
+    /// Further quantities to write. This version has none: the list must be empty.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("default" = []))]
+    pub aovs: Option<Vec<String>>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use pileus_scene::json;
+
+    /// The example of the format's specification, without what this version refuses.
+    const FULL: &str = r#"{
+      "scene": "shot.gltf", "gltf": { "lumens_per_watt": 683.0 },
+      "volumes": [
+        { "name": "cloud", "vdb": "cumulus.vdb", "density": { "grid": "density", "scale": 40.0 },
+          "extinction": [1.0, 1.0, 1.0], "albedo": [0.999, 0.999, 0.999],
+          "phase": { "type": "henyey_greenstein", "g": 0.8 }, "interpolation": "trilinear",
+          "transform": { "translation": [0,0,0], "rotation": [0,0,0,1], "scale": [1,1,1] } },
+        { "name": "fog", "homogeneous": { "sigma_t": 0.01, "bounds": null }, "albedo": 0.9 }
+      ],
+      "camera": { "position": [0,1,5], "look_at": [0,1,0], "up": [0,1,0], "fov_y": 35.0, "shutter": [0.0, 0.0] },
+      "lights": [
+        { "type": "sun", "to_light": [0.5,0.8,-0.3], "irradiance": [3,3,3], "angular_diameter": 0.0 },
+        { "type": "environment", "radiance": [0.3,0.4,0.6] },
+        { "type": "environment", "image": "sky.exr", "intensity": 1.0, "rotation_y": 0.0 },
+        { "type": "point", "position": [0,3,0], "intensity": [10,10,10] }
+      ],
+      "film": { "resolution": [480,270], "crop": null, "filter": { "type": "box", "radius": 0.5 } },
+      "sampling": { "spp": 64, "seed": 0, "max_bounces": null, "transmittance": "auto", "distance": "auto" },
+      "output": { "image": "cloud.exr", "preview": "cloud.png", "stats": "cloud.stats.json", "aovs": [] }
+    }"#;
+
+    #[test]
+    fn reads_the_whole_format_and_writes_it_back() {
+        let job: Job = json::parse(FULL).unwrap();
+        let again: Job = json::parse(&serde_json::to_string_pretty(&job).unwrap()).unwrap();
+        assert_eq!(job, again);
+        assert_eq!(json::parse::<Job>("{}").unwrap(), Job::default());
+    }
+
+    #[test]
+    fn faults_name_the_nearest_key_and_the_place() {
+        for (right, wrong, pointer, near) in [
+            ("\"scale\": 40.0", "\"sclae\": 40.0", "/volumes/0/density/sclae", "`scale`"),
+            ("\"sampling\"", "\"samplng\"", "/samplng", "`sampling`"),
+            ("\"irradiance\"", "\"iradiance\"", "/lights/0/iradiance", "`irradiance`"),
+            ("\"fov_y\"", "\"fov\"", "/camera/fov", "`fov_y`"),
+            ("\"type\": \"box\"", "\"type\": \"boxx\"", "/film/filter/type", "`box`"),
+            (
+                "\"transmittance\": \"auto\"",
+                "\"transmittance\": \"residual_ratio\"",
+                "/sampling/transmittance",
+                "`ratio`",
+            ),
+            ("\"bounds\"", "\"bound\"", "/volumes/1/homogeneous/bound", "`bounds`"),
+        ] {
+            let text = FULL.replacen(right, wrong, 1);
+            assert_ne!(text, FULL);
+            let fault = json::parse::<Job>(&text).unwrap_err();
+            assert_eq!(fault.pointer, pointer);
+            assert!(fault.remedy.contains(&format!("did you mean {near}")), "{fault:?}");
+        }
+        let fault = json::parse::<Job>("{\"sampling\": {\"spp\": -3}}").unwrap_err();
+        assert_eq!(fault.pointer, "/sampling/spp");
+        let fault = json::parse::<Job>("{\"film\": {\"resolution\": [4]}}").unwrap_err();
+        assert_eq!(fault.pointer, "/film/resolution");
+    }
+}

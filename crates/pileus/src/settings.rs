@@ -1,0 +1,529 @@
+//! A job resolved into settings without options: defaults filled in, paths made whole, values
+//! checked.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Instant;
+
+use glam::{DVec3, Vec3};
+use pileus_film::{Crop, Filter};
+use pileus_integrator::{Distance, RenderSettings, Transmittance};
+use pileus_scene::json::Document;
+use pileus_scene::volume::DefaultScale;
+use pileus_scene::volume_spec::{DensitySpec, Rgb, VolumeSpec};
+use pileus_scene::{
+    CameraRequest, Environment, EnvironmentImage, Error, Light, Loaded, Place, Point, Scene,
+    SceneRequest, Sun, VolumeSource,
+};
+
+use crate::failure::Failure;
+use crate::input::Input;
+use crate::job::{
+    CameraSpec, DEFAULT_FILTER_RADIUS, DEFAULT_FOV_Y, DEFAULT_LUMENS_PER_WATT, DEFAULT_SPP,
+    DistanceSpec, FilmSpec, FilterKind, FilterSpec, Job, LightSpec, OutputSpec, SamplingSpec,
+    TransmittanceSpec,
+};
+
+/// Half width of a Blackman-Harris filter of jobs that do not say, pixels.
+const BLACKMAN_HARRIS_RADIUS: f32 = 1.5;
+/// Most samples per pixel.
+const MAX_SPP: u64 = 1 << 32;
+
+/// What the command line changes about a job.
+#[derive(Debug, Clone, Default)]
+pub struct Overrides {
+    /// Where the image goes, relative to the current folder.
+    pub image: Option<PathBuf>,
+    /// Where the preview goes, relative to the current folder.
+    pub preview: Option<PathBuf>,
+    /// Samples per pixel.
+    pub spp: Option<u64>,
+    /// Seed.
+    pub seed: Option<u64>,
+    /// Width and height of the full image.
+    pub resolution: Option<[u32; 2]>,
+}
+
+/// Which files are written.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Outputs {
+    /// The EXR image.
+    pub image: PathBuf,
+    /// The PNG preview.
+    pub preview: Option<PathBuf>,
+    /// Counters and times.
+    pub stats: PathBuf,
+}
+
+/// A job without options.
+#[derive(Debug)]
+pub struct Settings {
+    /// The job with the command line's changes, as the image's metadata records it.
+    pub job: Job,
+    /// How the scene is sampled.
+    pub render: RenderSettings,
+    /// The part that is rendered.
+    pub crop: Option<Crop>,
+    /// Which files are written.
+    pub outputs: Outputs,
+    gltf: Option<(PathBuf, f64)>,
+    volumes: Vec<VolumeSpec>,
+    camera: CameraRequest,
+    lights: Vec<Light>,
+    constant: Option<Vec3>,
+    image: Option<EnvironmentFile>,
+    resolution: Option<[u32; 2]>,
+    default_scale: DefaultScale,
+    places: Places,
+}
+
+#[derive(Debug, Clone)]
+struct EnvironmentFile {
+    path: PathBuf,
+    intensity: f32,
+    rotation_y: f64,
+    pointer: String,
+}
+
+/// Where the values of a job stand.
+#[derive(Debug, Clone)]
+enum Places {
+    /// In a file.
+    Job(Document),
+    /// Nowhere: the job was made up for this file.
+    File(PathBuf),
+}
+
+impl Places {
+    fn at(&self, pointer: &str) -> Place {
+        match self {
+            Self::File(path) => Place::file(path),
+            Self::Job(document) => {
+                // A value that has a default need not be there: its parent is.
+                let mut pointer = pointer;
+                loop {
+                    let place = document.place(pointer);
+                    match pointer.rfind('/') {
+                        Some(end) if place.line.is_none() => pointer = &pointer[..end],
+                        _ => return place,
+                    }
+                }
+            }
+        }
+    }
+
+    fn invalid(&self, pointer: &str, what: impl Into<String>, remedy: &str) -> Failure {
+        Error::invalid(self.at(pointer), what, remedy).into()
+    }
+
+    fn unsupported(&self, pointer: &str, what: &str, remedy: &str) -> Failure {
+        Error::unsupported(self.at(pointer), what, remedy).into()
+    }
+}
+
+impl Settings {
+    /// Resolves what a command was given.
+    pub fn resolve(input: Input, overrides: &Overrides) -> Result<Self, Failure> {
+        let Input { mut job, document, path, base, default_scale } = input;
+        let places = match document {
+            Some(document) => Places::Job(document),
+            None => Places::File(path.clone()),
+        };
+        override_job(&mut job, overrides);
+        let outputs = outputs(&job, overrides, &path, &base, &places)?;
+        let film = job.film.clone().unwrap_or_default();
+        let (lights, constant, image) = lights(&job, &base, &places)?;
+        let lumens_per_watt =
+            job.gltf.as_ref().and_then(|g| g.lumens_per_watt).unwrap_or(DEFAULT_LUMENS_PER_WATT);
+        if !(lumens_per_watt > 0.0 && lumens_per_watt.is_finite()) {
+            return Err(places.invalid(
+                "/gltf/lumens_per_watt",
+                format!("lumens_per_watt is {lumens_per_watt}"),
+                "use a number above 0; 683 is the default",
+            ));
+        }
+        let volumes = job.volumes.iter().flatten().map(|spec| {
+            let vdb = spec.vdb.as_ref().map(|name| base.join(name).to_string_lossy().into_owned());
+            VolumeSpec { vdb, ..spec.clone() }
+        });
+        Ok(Self {
+            render: sampling(&job, filter(&film, &places)?, &places)?,
+            crop: crop(&film, &places)?,
+            outputs,
+            gltf: job.scene.as_ref().map(|name| (base.join(name), lumens_per_watt)),
+            volumes: volumes.collect(),
+            camera: camera(job.camera.as_ref(), &places)?,
+            lights,
+            constant,
+            image,
+            resolution: resolution(&film, &places)?,
+            default_scale,
+            places,
+            job,
+        })
+    }
+
+    /// Loads all files and builds the scene.
+    pub fn load(&mut self) -> Result<Loaded, Failure> {
+        let start = Instant::now();
+        let image = match &self.image {
+            Some(file) => Some(Arc::new(
+                EnvironmentImage::open(&file.path, file.intensity, file.rotation_y)
+                    .map_err(|error| name_place(error, &self.places.at(&file.pointer)))?,
+            )),
+            None => None,
+        };
+        let environment = (self.constant.is_some() || image.is_some())
+            .then(|| Environment { constant: self.constant.unwrap_or(Vec3::ZERO), image });
+        let seconds = start.elapsed().as_secs_f64();
+        let places = self.places.clone();
+        let mut loaded = Scene::load(SceneRequest {
+            gltf: self.gltf.clone(),
+            volumes: self.volumes.clone(),
+            volume_place: &|i, key| places.at(&format!("/volumes/{i}{key}")),
+            camera: self.camera.clone(),
+            lights: self.lights.clone(),
+            environment,
+            resolution: self.resolution,
+            default_scale: self.default_scale,
+        })?;
+        loaded.seconds_load += seconds;
+        self.record(&loaded.scene);
+        Ok(loaded)
+    }
+
+    /// Fills into the job what loading decided, so that it tells how the image came about.
+    fn record(&mut self, scene: &Scene) {
+        let camera = &scene.camera;
+        let film = self.job.film.get_or_insert_default();
+        film.resolution = Some(camera.resolution());
+        if self.job.camera.is_none() {
+            self.job.camera = Some(CameraSpec {
+                position: Some(camera.position().to_array()),
+                look_at: Some((camera.position() + camera.forward()).to_array()),
+                up: Some(camera.up().to_array()),
+                fov_y: Some(camera.fov_y_degrees()),
+                ..CameraSpec::default()
+            });
+        }
+        let sampling = self.job.sampling.get_or_insert_default();
+        sampling.spp = Some(self.render.samples.end);
+        sampling.seed = Some(self.render.seed);
+        // Volumes of the glTF file come first, see `Scene::load`.
+        let own = self.job.volumes.iter_mut().flatten();
+        for (spec, volume) in own.rev().zip(scene.volumes.iter().rev()) {
+            if let VolumeSource::Vdb { grid, density_scale, .. } = &volume.source {
+                spec.density =
+                    Some(DensitySpec { grid: Some(grid.clone()), scale: Some(*density_scale) });
+            }
+        }
+    }
+
+    /// A number that tells jobs apart: FNV-1a over what determines the value of a sample. Where the
+    /// files go and how many samples are taken does not count.
+    pub fn job_hash(&self) -> String {
+        let mut job = Job { output: None, schema: None, ..self.job.clone() };
+        if let Some(sampling) = &mut job.sampling {
+            sampling.spp = None;
+        }
+        let text = serde_json::to_string(&job).unwrap_or_default();
+        let hash = text.bytes().fold(0xcbf2_9ce4_8422_2325u64, |hash, byte| {
+            (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3)
+        });
+        format!("{hash:016x}")
+    }
+
+    /// All files that the job reads.
+    pub fn files(&self) -> Vec<PathBuf> {
+        let gltf = self.gltf.iter().map(|(path, _)| path.clone());
+        let volumes = self.volumes.iter().filter_map(|spec| spec.vdb.as_ref().map(PathBuf::from));
+        let image = self.image.iter().map(|file| file.path.clone());
+        gltf.chain(volumes).chain(image).collect()
+    }
+}
+
+/// Adds the place in the job to an error that names only the file.
+fn name_place(error: Error, asked_at: &Place) -> Error {
+    match error {
+        Error::Io { place, source } => {
+            let part = format!("named at {asked_at}");
+            Error::io(Place { part: Some(part), ..*place }, source)
+        }
+        other => other,
+    }
+}
+
+fn override_job(job: &mut Job, overrides: &Overrides) {
+    if overrides.spp.is_some() || overrides.seed.is_some() {
+        let sampling = job.sampling.get_or_insert_default();
+        sampling.spp = overrides.spp.or(sampling.spp);
+        sampling.seed = overrides.seed.or(sampling.seed);
+    }
+    if overrides.resolution.is_some() {
+        job.film.get_or_insert_default().resolution = overrides.resolution;
+    }
+}
+
+fn outputs(
+    job: &Job,
+    overrides: &Overrides,
+    input: &Path,
+    base: &Path,
+    places: &Places,
+) -> Result<Outputs, Failure> {
+    let default = OutputSpec::default();
+    let output = job.output.as_ref().unwrap_or(&default);
+    if let Some(name) = output.aovs.iter().flatten().next() {
+        return Err(places.unsupported(
+            "/output/aovs/0",
+            &format!("there is no further output `{name}`"),
+            "leave the list empty: this version has none",
+        ));
+    }
+    let stem = input.file_stem().map_or_else(|| "pileus".into(), |s| s.to_string_lossy());
+    let image = match (&overrides.image, &output.image) {
+        (Some(path), _) => path.clone(),
+        (None, Some(name)) => base.join(name),
+        (None, None) => PathBuf::from(format!("{stem}.exr")),
+    };
+    if !has_extension(&image, "exr") {
+        let remedy = "name the image .exr; for a picture to look at add --preview FILE.png";
+        return Err(match overrides.image {
+            Some(_) => Failure::usage(format!("{} is not an EXR file", image.display()), remedy),
+            None => places.invalid("/output/image", "the image is written as OpenEXR", remedy),
+        });
+    }
+    let preview = match (&overrides.preview, &output.preview, &overrides.image) {
+        (Some(path), ..) => Some(path.clone()),
+        // A job made up for a file has no preview of its own choice: it follows the image.
+        (None, Some(_), Some(_)) if matches!(places, Places::File(_)) => {
+            Some(image.with_extension("png"))
+        }
+        (None, name, _) => name.as_ref().map(|name| base.join(name)),
+    };
+    if let Some(preview) = preview.as_ref().filter(|path| !has_extension(path, "png")) {
+        let remedy = "name the preview .png";
+        return Err(match overrides.preview {
+            Some(_) => Failure::usage(format!("{} is not a PNG file", preview.display()), remedy),
+            None => places.invalid("/output/preview", "the preview is written as PNG", remedy),
+        });
+    }
+    let stats = match &output.stats {
+        Some(name) => base.join(name),
+        None => image.with_extension("stats.json"),
+    };
+    Ok(Outputs { image, preview, stats })
+}
+
+fn has_extension(path: &Path, wanted: &str) -> bool {
+    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(wanted))
+}
+
+fn resolution(film: &FilmSpec, places: &Places) -> Result<Option<[u32; 2]>, Failure> {
+    let pixels = film.resolution.map(|[w, h]| u64::from(w) * u64::from(h));
+    if pixels.is_some_and(|n| n == 0 || n > pileus_film::MAX_PIXELS) {
+        return Err(places.invalid(
+            "/film/resolution",
+            format!("the image has {} pixels", pixels.unwrap_or(0)),
+            "use a width and a height of at least 1, and fewer than 2^28 pixels",
+        ));
+    }
+    Ok(film.resolution)
+}
+
+fn crop(film: &FilmSpec, places: &Places) -> Result<Option<Crop>, Failure> {
+    let Some([x0, y0, width, height]) = film.crop else { return Ok(None) };
+    let inside = film.resolution.is_none_or(|[w, h]| {
+        u64::from(x0) + u64::from(width) <= u64::from(w)
+            && u64::from(y0) + u64::from(height) <= u64::from(h)
+    });
+    if width == 0 || height == 0 || !inside {
+        return Err(places.invalid(
+            "/film/crop",
+            format!("the crop {:?} is empty or leaves the image", [x0, y0, width, height]),
+            "give left, top, width and height in pixels inside the resolution",
+        ));
+    }
+    Ok(Some(Crop { x0, y0, width, height }))
+}
+
+fn filter(film: &FilmSpec, places: &Places) -> Result<Filter, Failure> {
+    let FilterSpec { kind, radius } = film.filter.clone().unwrap_or_default();
+    let filter = match kind.unwrap_or_default() {
+        FilterKind::Box => Filter::Box { radius: radius.unwrap_or(DEFAULT_FILTER_RADIUS) },
+        FilterKind::BlackmanHarris => {
+            Filter::BlackmanHarris { radius: radius.unwrap_or(BLACKMAN_HARRIS_RADIUS) }
+        }
+    };
+    filter.validate().map_err(|error| {
+        places.invalid("/film/filter/radius", error.to_string(), "0.5 is one pixel")
+    })?;
+    Ok(filter)
+}
+
+fn sampling(job: &Job, filter: Filter, places: &Places) -> Result<RenderSettings, Failure> {
+    let SamplingSpec { spp, seed, max_bounces, transmittance, distance } =
+        job.sampling.clone().unwrap_or_default();
+    let spp = spp.unwrap_or(DEFAULT_SPP);
+    if !(1..=MAX_SPP).contains(&spp) {
+        return Err(places.invalid(
+            "/sampling/spp",
+            format!("{spp} samples per pixel"),
+            "take at least 1 and at most 2^32",
+        ));
+    }
+    Ok(RenderSettings {
+        samples: 0..spp,
+        seed: seed.unwrap_or(0),
+        max_bounces,
+        filter,
+        transmittance: match transmittance.unwrap_or_default() {
+            TransmittanceSpec::Auto => Transmittance::Auto,
+            TransmittanceSpec::Ratio => Transmittance::Ratio,
+            TransmittanceSpec::Delta => Transmittance::Delta,
+        },
+        distance: match distance.unwrap_or_default() {
+            DistanceSpec::Auto => Distance::Auto,
+            DistanceSpec::Delta => Distance::Delta,
+        },
+        ..RenderSettings::default()
+    })
+}
+
+fn camera(spec: Option<&CameraSpec>, places: &Places) -> Result<CameraRequest, Failure> {
+    let Some(spec) = spec else {
+        return Ok(CameraRequest::Auto { fov_y_degrees: DEFAULT_FOV_Y });
+    };
+    if spec.shutter.is_some_and(|times| times != [0.0, 0.0]) {
+        return Err(places.unsupported(
+            "/camera/shutter",
+            "motion is not rendered by this version",
+            "set the shutter to [0, 0] or remove it",
+        ));
+    }
+    let fov_y_degrees = spec.fov_y.unwrap_or(DEFAULT_FOV_Y);
+    if let Some(name) = &spec.node {
+        let placed = [
+            (spec.position.is_some(), "/camera/position"),
+            (spec.look_at.is_some(), "/camera/look_at"),
+            (spec.up.is_some(), "/camera/up"),
+            (spec.fov_y.is_some(), "/camera/fov_y"),
+        ];
+        if let Some((_, pointer)) = placed.into_iter().find(|(given, _)| *given) {
+            return Err(places.invalid(
+                pointer,
+                "the camera has a `node` and a placement of its own",
+                "keep one of the two",
+            ));
+        }
+        return Ok(CameraRequest::Node { name: name.clone(), place: places.at("/camera/node") });
+    }
+    match (spec.position, spec.look_at) {
+        (Some(position), Some(target)) => Ok(CameraRequest::LookAt {
+            position: DVec3::from_array(position),
+            target: DVec3::from_array(target),
+            up: DVec3::from_array(spec.up.unwrap_or([0.0, 1.0, 0.0])),
+            fov_y_degrees,
+            place: places.at("/camera"),
+        }),
+        (None, None) if spec.up.is_none() => Ok(CameraRequest::Auto { fov_y_degrees }),
+        _ => Err(places.invalid(
+            "/camera",
+            "the camera is placed by half",
+            "give both `position` and `look_at`, or neither to frame the volumes",
+        )),
+    }
+}
+
+type Lights = (Vec<Light>, Option<Vec3>, Option<EnvironmentFile>);
+
+fn lights(job: &Job, base: &Path, places: &Places) -> Result<Lights, Failure> {
+    let (mut lights, mut constant, mut file) = (Vec::new(), None, None);
+    for (i, light) in job.lights.iter().flatten().enumerate() {
+        let pointer = |key: &str| format!("/lights/{i}{key}");
+        let colour = |rgb: &Rgb, key: &str| {
+            let channels = Vec3::from_array(rgb.channels().map(|c| c as f32));
+            if channels.is_finite() && channels.min_element() >= 0.0 {
+                return Ok(channels);
+            }
+            let what = format!("the light's colour is {:?}", rgb.channels());
+            Err(places.invalid(&pointer(key), what, "use finite numbers of at least 0"))
+        };
+        match light {
+            LightSpec::Sun { to_light, irradiance, angular_diameter } => {
+                let Some(to_light) = DVec3::from_array(*to_light).try_normalize() else {
+                    return Err(places.invalid(
+                        &pointer("/to_light"),
+                        "the sun has no direction",
+                        "give a vector that is not zero",
+                    ));
+                };
+                let degrees = angular_diameter.unwrap_or(0.0);
+                if !(0.0..180.0).contains(&degrees) {
+                    return Err(places.invalid(
+                        &pointer("/angular_diameter"),
+                        format!("the sun is {degrees} degrees wide"),
+                        "use an angle of at least 0 and below 180; seen from the Earth it is 0.53",
+                    ));
+                }
+                lights.push(Light::Sun(Sun {
+                    to_light: to_light.as_vec3().normalize(),
+                    irradiance: colour(irradiance, "/irradiance")?,
+                    angular_diameter: degrees.to_radians() as f32,
+                }));
+            }
+            LightSpec::Point { position, intensity } => lights.push(Light::Point(Point {
+                position: DVec3::from_array(*position),
+                intensity: colour(intensity, "/intensity")?,
+            })),
+            LightSpec::Environment {
+                radiance: Some(radiance),
+                image: None,
+                intensity,
+                rotation_y,
+            } => {
+                if intensity.is_some() || rotation_y.is_some() {
+                    let key = if intensity.is_some() { "/intensity" } else { "/rotation_y" };
+                    return Err(places.invalid(
+                        &pointer(key),
+                        "this key belongs to environments with an `image`",
+                        "remove it",
+                    ));
+                }
+                *constant.get_or_insert(Vec3::ZERO) += colour(radiance, "/radiance")?;
+            }
+            LightSpec::Environment { radiance: None, image: Some(name), intensity, rotation_y } => {
+                if file.is_some() {
+                    return Err(places.unsupported(
+                        &pointer(""),
+                        "there are two environment images",
+                        "use one image; constant environments may be added to it",
+                    ));
+                }
+                let intensity = intensity.unwrap_or(1.0);
+                let rotation_y = rotation_y.unwrap_or(0.0);
+                if !(intensity >= 0.0 && (intensity as f32).is_finite() && rotation_y.is_finite()) {
+                    return Err(places.invalid(
+                        &pointer("/intensity"),
+                        format!("intensity {intensity}, rotation {rotation_y}"),
+                        "use a finite intensity of at least 0",
+                    ));
+                }
+                file = Some(EnvironmentFile {
+                    path: base.join(name),
+                    intensity: intensity as f32,
+                    rotation_y,
+                    pointer: pointer("/image"),
+                });
+            }
+            LightSpec::Environment { .. } => {
+                return Err(places.invalid(
+                    &pointer(""),
+                    "an environment has either `radiance` or `image`",
+                    "give one of the two",
+                ));
+            }
+        }
+    }
+    Ok((lights, constant, file))
+}
