@@ -89,9 +89,11 @@ fn load(inputs: &[PathBuf]) -> std::io::Result<Vec<Sample>> {
     Ok(samples)
 }
 
+/// Every so often a candidate is read from disk as well, in parts, which must end the same way.
+const FROM_DISK_EVERY: u64 = 16;
+
 /// Reads everything a file has and asks everything there is to ask.
-fn exercise(bytes: Vec<u8>) -> Result<u64, Error> {
-    let file = VdbFile::from_bytes("candidate.vdb", bytes)?;
+fn exercise(file: VdbFile) -> Result<u64, Error> {
     let mut seen = 0u64;
     let mut failure = None;
     for (position, info) in file.grids().iter().enumerate() {
@@ -113,6 +115,7 @@ fn exercise(bytes: Vec<u8>) -> Result<u64, Error> {
     failure.map_or(Ok(seen), Err)
 }
 
+#[derive(Debug)]
 enum Outcome {
     Read,
     Refused(String),
@@ -122,8 +125,12 @@ enum Outcome {
 /// Runs one candidate and judges it.
 fn judge(bytes: &[u8]) -> (Outcome, Duration, usize) {
     let copy = bytes.to_vec();
+    judge_file(|| VdbFile::from_bytes("candidate.vdb", copy))
+}
+
+fn judge_file(open: impl FnOnce() -> Result<VdbFile, Error>) -> (Outcome, Duration, usize) {
     let start = Instant::now();
-    let run = || catch_unwind(AssertUnwindSafe(|| exercise(copy)));
+    let run = || catch_unwind(AssertUnwindSafe(|| open().and_then(exercise)));
     let (result, peak) = counting_alloc::peak_of(run);
     let time = start.elapsed();
     let outcome = match result {
@@ -151,9 +158,18 @@ fn judge(bytes: &[u8]) -> (Outcome, Duration, usize) {
 /// An error text without what varies: digits and quoted names.
 fn shape(text: &str) -> String {
     let unquoted: String = text.split('"').step_by(2).collect();
-    let mut text: String = unquoted.split(['[', ']']).step_by(2).collect();
-    if let Some(at) = text.find("flags 0x") {
-        text.truncate(at);
+    let mut text = unquoted;
+    for cut in [
+        "flags 0x",
+        " is singular",
+        "the root entry at",
+        "has two entries",
+        "of type Tree",
+        "an instance of type",
+    ] {
+        if let Some(at) = text.find(cut) {
+            text.truncate(at + cut.len());
+        }
     }
     text.chars().filter(|c| !c.is_ascii_digit() && *c != '-').collect()
 }
@@ -188,6 +204,7 @@ fn run(options: &Options) -> Result<usize, Box<dyn std::error::Error>> {
         return Err("name files or folders with .vdb files".into());
     }
     std::panic::set_hook(Box::new(|_| {}));
+    let disk = std::env::temp_dir().join(format!("fuzz_{}.vdb", std::process::id()));
     let (start, limit) = (Instant::now(), Duration::from_secs(options.seconds));
     let (mut count, mut read, mut findings) = (0u64, 0u64, 0usize);
     let (mut slowest, mut largest) = (Duration::ZERO, 0);
@@ -197,7 +214,22 @@ fn run(options: &Options) -> Result<usize, Box<dyn std::error::Error>> {
         let number = options.first + count;
         count += 1;
         let (bytes, story) = candidate(&samples, &mut Random::new(options.seed, number));
-        let (outcome, time, peak) = judge(&bytes);
+        let (mut outcome, time, peak) = judge(&bytes);
+        if number % FROM_DISK_EVERY == 0 {
+            std::fs::write(&disk, &bytes)?;
+            let (from_disk, ..) = judge_file(|| VdbFile::open(&disk));
+            let same = match (&outcome, &from_disk) {
+                (Outcome::Read, Outcome::Read) | (Outcome::Broken(_), _) => true,
+                (Outcome::Refused(text), Outcome::Refused(other)) => {
+                    text.split_once(": ").map(|t| t.1) == other.split_once(": ").map(|t| t.1)
+                }
+                _ => false,
+            };
+            if !same {
+                outcome =
+                    Outcome::Broken(format!("{outcome:?} from memory, {from_disk:?} from disk"));
+            }
+        }
         slowest = slowest.max(time);
         largest = largest.max(peak);
         match outcome {
@@ -233,6 +265,10 @@ fn run(options: &Options) -> Result<usize, Box<dyn std::error::Error>> {
         options.seed,
         start.elapsed()
     );
+    std::fs::remove_file(&disk).or_else(|error| match error.kind() {
+        std::io::ErrorKind::NotFound => Ok(()),
+        _ => Err(error),
+    })?;
     for (text, met) in errors {
         println!("{met:9}  {text}");
     }
