@@ -26,8 +26,8 @@ const MAX_EXPANSION: u64 = 1 << 16;
 /// allocated.
 ///
 /// # Errors
-/// No such file; not EXR, broken or too large; deep data, subsampled channels, or parts that
-/// differ in their data window.
+/// No such file; not EXR, broken or too large; deep data, subsampled channels, DWA compression, or
+/// parts that differ in their data window.
 pub fn read_exr(path: &Path) -> Result<Image, Error> {
     let place = || path.display().to_string();
     let file = File::open(path).map_err(|e| Error::open(path, e))?;
@@ -134,6 +134,14 @@ fn check_headers(meta: &x::MetaData, file_length: u64) -> Result<(), Error> {
                 place: "image".into(),
                 problem: "deep data".into(),
                 remedy: "flatten the image first",
+            });
+        }
+        // Its decoder allocates what the blocks claim, unchecked (exr 1.74).
+        if matches!(header.compression, x::Compression::DWAA(_) | x::Compression::DWAB(_)) {
+            return Err(Error::Unsupported {
+                place: "image".into(),
+                problem: "the lossy compression DWA".into(),
+                remedy: "save the image with ZIP or PIZ",
             });
         }
         if header.channels.list.iter().any(|c| c.sampling != x::Vec2(1, 1)) {

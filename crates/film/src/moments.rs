@@ -82,18 +82,23 @@ impl PixelMoments {
         if !in_range {
             return false;
         }
+        // Sums of valid samples cannot wrap (see the table above); those of a doctored state file
+        // may, and must not panic.
         for (channel, &v) in sample.rgb.iter().enumerate() {
             let v = f64::from(v);
-            self.sum[channel] += (v * RADIANCE_SCALE).round_ties_even() as i128;
+            let step = (v * RADIANCE_SCALE).round_ties_even() as i128;
+            self.sum[channel] = self.sum[channel].wrapping_add(step);
             // The square of a 24-bit significand is exact in 53 bits.
             let square = (v * v * SQUARE_SCALE).round_ties_even() as u128;
             let (low, carry) = self.square_low[channel].overflowing_add(square);
             self.square_low[channel] = low;
-            self.square_high[channel] += u32::from(carry);
+            self.square_high[channel] = self.square_high[channel].wrapping_add(u32::from(carry));
         }
         let alpha = f64::from(sample.alpha);
-        self.alpha += (alpha * ALPHA_SCALE).round_ties_even() as i64;
-        self.alpha_square += (alpha * alpha * ALPHA_SQUARE_SCALE).round_ties_even() as u64;
+        let step = (alpha * ALPHA_SCALE).round_ties_even() as i64;
+        self.alpha = self.alpha.wrapping_add(step);
+        let step = (alpha * alpha * ALPHA_SQUARE_SCALE).round_ties_even() as u64;
+        self.alpha_square = self.alpha_square.wrapping_add(step);
         self.count += 1;
         true
     }
@@ -107,8 +112,7 @@ impl PixelMoments {
         };
         self.count = count;
         for channel in 0..3 {
-            // Sums of valid parts cannot wrap (see the table above); those of a doctored state
-            // file may, and must not panic.
+            // Wrapping as in `add`.
             self.sum[channel] = self.sum[channel].wrapping_add(other.sum[channel]);
             let (low, carry) = self.square_low[channel].overflowing_add(other.square_low[channel]);
             self.square_low[channel] = low;
@@ -317,6 +321,24 @@ mod tests {
         }
         assert!((variance[3] / (0.25 / f64::from(n - 1)) - 1.0).abs() < 1e-14);
         assert_eq!(moments.mean()[0], 1048576.0625);
+    }
+
+    #[test]
+    fn doctored_sums_do_not_panic() {
+        for byte in [0x7f, 0x80, 0xff] {
+            let mut doctored = PixelMoments::from_bytes(&[byte; PIXEL_BYTES]);
+            for count in [0, 1, 2, u32::MAX - 1] {
+                doctored.count = count;
+                for sign in [1.0, -1.0] {
+                    let sample = PixelSample { rgb: [sign * 1e9; 3], alpha: sign * 16.0 };
+                    let mut copy = doctored;
+                    copy.add(&sample);
+                }
+                let mut copy = doctored;
+                copy.merge(&doctored);
+                let _ = (doctored.mean(), doctored.variance_of_mean());
+            }
+        }
     }
 
     #[test]

@@ -17,7 +17,7 @@ use crate::tone::ToneMap;
 /// or over its own background.
 ///
 /// # Errors
-/// [`Error::Missing`]-like [`Error::Invalid`] if the image has neither R, G, B nor Y.
+/// [`Error::Invalid`] if the image has neither R, G, B nor Y.
 pub fn preview_rgb8(image: &Image, tone: &ToneMap) -> Result<Vec<u8>, Error> {
     let Some([r, g, b]) = image.rgb_planes() else {
         let names: Vec<_> = image.channels().iter().map(|c| c.name.as_str()).collect();

@@ -28,8 +28,9 @@ pub struct BlockZ {
     pub p_max: f64,
     /// Probability of each `chi2` at least as large by noise alone.
     pub p_chi2: [f64; 3],
-    /// The smallest of `p_max` and the three `p_chi2`, times four (Bonferroni), at most 1. The
-    /// channels share their paths and may be correlated; the bound holds anyway.
+    /// The smallest of `p_max` and the three `p_chi2`, times four (Bonferroni), at most 1: a bound
+    /// on the probability of such a result by noise alone. It holds for channels that share their
+    /// paths and are correlated, too.
     pub p_value: f64,
     /// Pixels left out: not finite, or of unknown variance in one of the images.
     pub skipped_pixels: u64,

@@ -36,8 +36,7 @@ pub fn flip(a: &Image, b: &Image, exposure_stops: f32) -> Result<Flip, Error> {
             remedy: "compare crop windows",
         });
     }
-    let mut tone = ToneMap::default();
-    (tone.exposure_stops, tone.curve) = (exposure_stops, Curve::Srgb);
+    let tone = ToneMap { exposure_stops, curve: Curve::Srgb };
     let displayed = |image: &Image| -> Result<FlipImageRgb8, Error> {
         let bytes = preview_rgb8(image, &tone)?;
         Ok(FlipImageRgb8::with_data(image.width(), image.height(), &bytes))
