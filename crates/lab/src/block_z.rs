@@ -42,9 +42,9 @@ pub struct BlockZ {
 /// them (less at the right and lower edge) make a normal mean. The alternative is a difference
 /// anywhere; `max_abs_z` sees a strong one in a block, `chi2` a weak one in many.
 ///
-/// Variances count as known. Where they are estimated from n samples the statistic is wider than
-/// the normal by a factor of about 1 + 1/n, and more with heavy tails: use at least 64 samples and
-/// blocks of 16 for p-values that mean something. Blocks in which every variance is zero are
+/// Variances count as known. Where they are estimated from few samples, or from samples with heavy
+/// tails, the statistic is wider than the normal and p-values are too small: use at least 64
+/// samples a pixel and blocks of 16 or more. Blocks in which every variance is zero are
 /// usable if the means agree exactly (z = 0); else z is infinite.
 ///
 /// # Errors

@@ -19,7 +19,7 @@ pub const ERROR_BLOCK: u32 = 16;
 pub struct CompareSettings<'v> {
     /// Exposure of both images before FLIP, in stops.
     pub exposure_stops: f32,
-    /// Whether to compute FLIP (about a microsecond per pixel).
+    /// Whether to compute FLIP, by far the slowest of the measures.
     pub flip: bool,
     /// Variance of each mean in the first image; None takes its layer `variance`, if any.
     pub variance_a: Option<&'v Image>,
