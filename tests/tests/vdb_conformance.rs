@@ -229,7 +229,7 @@ fn every_grid_of_every_file() {
             grids += 1;
         }
     }
-    assert_eq!(grids, 54);
+    assert_eq!(grids, 55);
 }
 
 #[test]

@@ -42,8 +42,7 @@ impl<T: Copy + PartialEq> Tree<T> {
             |(leaf, values)| {
                 set_bits(&leaf.mask).map(move |offset| {
                     let steps = [offset >> 6, offset >> 3 & 7, offset & 7];
-                    let origin =
-                        std::array::from_fn(|axis| leaf.origin[axis] + steps[axis] as i32);
+                    let origin = std::array::from_fn(|axis| leaf.origin[axis] + steps[axis] as i32);
                     ActiveValue { origin, log2_size: 0, value: values[offset] }
                 })
             },

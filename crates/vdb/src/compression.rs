@@ -28,11 +28,7 @@ impl Compression {
                 "write the file with OpenVDB's zip, Blosc or no compression",
             ));
         }
-        Ok(Compression {
-            zip: flags & 1 != 0,
-            active_mask: flags & 2 != 0,
-            blosc: flags & 4 != 0,
-        })
+        Ok(Compression { zip: flags & 1 != 0, active_mask: flags & 2 != 0, blosc: flags & 4 != 0 })
     }
 }
 
@@ -97,7 +93,11 @@ impl<'a> Block<'a> {
         }
         let start = cursor.offset();
         let packed = cursor.take(count, "a compressed block of values")?;
-        if compression.blosc { Ok(Block::Blosc(packed, start)) } else { Ok(Block::Zip(packed, start)) }
+        if compression.blosc {
+            Ok(Block::Blosc(packed, start))
+        } else {
+            Ok(Block::Zip(packed, start))
+        }
     }
 }
 

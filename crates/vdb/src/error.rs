@@ -137,11 +137,7 @@ impl Fault {
         Fault::new(FaultKind::Invalid, offset, what.into(), REWRITE)
     }
 
-    pub(crate) fn unsupported(
-        offset: u64,
-        what: impl Into<String>,
-        remedy: &'static str,
-    ) -> Fault {
+    pub(crate) fn unsupported(offset: u64, what: impl Into<String>, remedy: &'static str) -> Fault {
         Fault::new(FaultKind::Unsupported, offset, what.into(), remedy)
     }
 

@@ -85,7 +85,7 @@ pub enum GridClass {
 }
 
 impl GridClass {
-    fn from_metadata(metadata: &Metadata) -> GridClass {
+    pub(crate) fn from_metadata(metadata: &Metadata) -> GridClass {
         match metadata.text("class") {
             Some("level set") => GridClass::LevelSet,
             Some("fog volume") => GridClass::FogVolume,

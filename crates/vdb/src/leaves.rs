@@ -177,8 +177,11 @@ impl<V: Value> Batches<'_, V> {
         match self.layout {
             LeafLayout::Packed => {
                 let active = count_active(leaf);
-                Packed::read(cursor, self.encoding, self.background, LEAF_VALUES, active)?
-                    .unpack(decoder, leaf.mask.into_iter(), out)?;
+                Packed::read(cursor, self.encoding, self.background, LEAF_VALUES, active)?.unpack(
+                    decoder,
+                    leaf.mask.into_iter(),
+                    out,
+                )?;
             }
             LeafLayout::Bits => {
                 let bits = cursor.take(LEAF_VALUES / 8, "the values of a leaf")?;

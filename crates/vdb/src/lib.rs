@@ -17,6 +17,8 @@ mod packed;
 mod reader;
 mod shuffle;
 mod source;
+#[cfg(test)]
+mod synthetic;
 mod topology;
 mod transform;
 mod tree;

@@ -146,6 +146,13 @@ impl Metadata {
         self.items.is_empty()
     }
 
+    #[cfg(feature = "vdb-rs")]
+    pub(crate) fn from_items(items: impl Iterator<Item = (String, MetaValue)>) -> Metadata {
+        let mut items: Vec<_> = items.collect();
+        items.sort_by(|a, b| a.0.cmp(&b.0));
+        Metadata { items }
+    }
+
     /// Reads a count, then name, type name, length and value of each item. The block sizes that OpenVDB keeps for its delayed
     /// loading (type `__delayedload`) are of no use to a reader that scans, and are dropped like all types with that prefix.
     pub(crate) fn read(cursor: &mut Cursor<'_>) -> Result<Metadata, Fault> {

@@ -214,7 +214,9 @@ impl VdbFile {
             let parent = self.grids.iter().find(|grid| grid.unique_name == owner.parent_name);
             let Some(parent) = parent else {
                 let (name, _) = split_suffix(&owner.parent_name);
-                return Err(fail(format!("the grid shares the tree of \"{name}\", which is missing")));
+                return Err(fail(format!(
+                    "the grid shares the tree of \"{name}\", which is missing"
+                )));
             };
             owner = parent;
         }
@@ -223,17 +225,14 @@ impl VdbFile {
 }
 
 /// Reads the tree that begins at the start of the grid's range.
-fn read_values(
-    window: &mut Window<'_>,
-    info: &GridInfo,
-    version: u32,
-) -> Result<Values, Failure> {
+fn read_values(window: &mut Window<'_>, info: &GridInfo, version: u32) -> Result<Values, Failure> {
     let start = info.tree_start;
-    let encoding =
-        Encoding { version, compression: info.compression, half: info.saved_as_half };
+    let encoding = Encoding { version, compression: info.compression, half: info.saved_as_half };
     Ok(match info.value_type {
         ValueType::Float => Values::Float(read_tree(window, start, &encoding, LeafLayout::Packed)?),
-        ValueType::Double => Values::Double(read_tree(window, start, &encoding, LeafLayout::Packed)?),
+        ValueType::Double => {
+            Values::Double(read_tree(window, start, &encoding, LeafLayout::Packed)?)
+        }
         ValueType::Half => {
             let tree = read_tree::<f16>(window, start, &encoding, LeafLayout::Packed)?;
             Values::Float(tree.map(f16::to_f32))
@@ -266,10 +265,12 @@ fn read_tree<V: Value>(
 fn skip_values(cursor: &mut Cursor<'_>, info: &GridInfo, version: u32) -> Result<(), Fault> {
     fn skip<V: Value>(c: &mut Cursor<'_>, e: &Encoding, layout: LeafLayout) -> Result<(), Fault> {
         let topology = topology::read::<V>(c, e)?;
-        topology.leaves.iter().try_for_each(|leaf| leaves::step_over(c, e, layout, topology.background, leaf))
+        topology
+            .leaves
+            .iter()
+            .try_for_each(|leaf| leaves::step_over(c, e, layout, topology.background, leaf))
     }
-    let encoding =
-        Encoding { version, compression: info.compression, half: info.saved_as_half };
+    let encoding = Encoding { version, compression: info.compression, half: info.saved_as_half };
     match info.value_type {
         ValueType::Float => skip::<f32>(cursor, &encoding, LeafLayout::Packed),
         ValueType::Double => skip::<f64>(cursor, &encoding, LeafLayout::Packed),
@@ -340,11 +341,7 @@ fn list_by_offsets(source: &Source, header: &Header) -> Result<Vec<GridInfo>, Er
 }
 
 /// Bytes between a descriptor and the grid it announces, zero in all files that OpenVDB writes.
-fn checked_gap(
-    cursor: &Cursor<'_>,
-    descriptor: &Descriptor,
-    length: u64,
-) -> Result<usize, Fault> {
+fn checked_gap(cursor: &Cursor<'_>, descriptor: &Descriptor, length: u64) -> Result<usize, Fault> {
     let gap = u64::try_from(descriptor.grid_pos)
         .ok()
         .filter(|position| *position <= length)
@@ -396,7 +393,8 @@ fn number_names(mut grids: Vec<GridInfo>, file: &str) -> Vec<GridInfo> {
         let mut numbers: Vec<Option<usize>> =
             members.iter().map(|m| split_suffix(&grids[*m].unique_name).1).collect();
         numbers.sort_unstable();
-        let usable = numbers.iter().all(Option::is_some) && numbers.windows(2).all(|w| w[0] != w[1]);
+        let usable =
+            numbers.iter().all(Option::is_some) && numbers.windows(2).all(|w| w[0] != w[1]);
         for (order, member) in members.iter().enumerate() {
             let grid = &mut grids[*member];
             grid.shares_name = true;

@@ -36,7 +36,7 @@ pub(crate) fn unshuffle(type_size: usize, src: &[u8], dst: &mut [u8]) {
 pub(crate) fn bit_unshuffle(type_size: usize, src: &[u8], dst: &mut [u8]) {
     let type_size = type_size.max(1);
     let count = src.len().min(dst.len()) / type_size;
-    if count % 8 != 0 {
+    if !count.is_multiple_of(8) {
         dst.iter_mut().zip(src).for_each(|(to, from)| *to = *from);
         return;
     }
@@ -91,7 +91,7 @@ mod tests {
     fn bit_shuffle(type_size: usize, src: &[u8]) -> Vec<u8> {
         let count = src.len() / type_size;
         let mut out = src.to_vec();
-        if count % 8 == 0 {
+        if count.is_multiple_of(8) {
             out[..count * type_size].fill(0);
             for i in 0..count {
                 for j in 0..type_size {

@@ -31,7 +31,12 @@ pub(crate) enum Data {
 
 impl Source {
     /// The bytes `start..end`, cut at the end of the file.
-    pub(crate) fn range(&self, start: u64, end: u64, grid: Option<&str>) -> Result<Cow<'_, [u8]>, Error> {
+    pub(crate) fn range(
+        &self,
+        start: u64,
+        end: u64,
+        grid: Option<&str>,
+    ) -> Result<Cow<'_, [u8]>, Error> {
         let place = || Place {
             file: self.name.clone(),
             grid: grid.map(str::to_owned),
@@ -39,7 +44,8 @@ impl Source {
         };
         match &self.data {
             Data::Memory(bytes) => {
-                let at = |offset: u64| usize::try_from(offset).unwrap_or(usize::MAX).min(bytes.len());
+                let at =
+                    |offset: u64| usize::try_from(offset).unwrap_or(usize::MAX).min(bytes.len());
                 Ok(Cow::Borrowed(bytes.get(at(start)..at(end)).unwrap_or(&[])))
             }
             Data::Path(path) => read_range(path, start, end.min(self.length)).map_or_else(
@@ -74,7 +80,8 @@ impl Source {
             Data::Memory(_) => left,
         };
         loop {
-            let bytes = self.range(start, start.saturating_add(window), None).map_err(Failure::Io)?;
+            let bytes =
+                self.range(start, start.saturating_add(window), None).map_err(Failure::Io)?;
             let fault = match read(&mut Cursor::new(&bytes, start)) {
                 Ok(value) => return Ok(value),
                 Err(fault) => fault,

@@ -96,7 +96,8 @@ impl Transform {
         if self.kind == TransformKind::Frustum {
             return Err(Error::Unsupported {
                 place: self.place.clone(),
-                what: "the transform is a frustum (NonlinearFrustumMap), which is not linear".into(),
+                what: "the transform is a frustum (NonlinearFrustumMap), which is not linear"
+                    .into(),
                 remedy: "resample the grid onto a uniform or affine transform",
             });
         }
@@ -118,11 +119,7 @@ impl Transform {
     pub fn world_to_index(&self) -> Result<[[f64; 4]; 4], Error> {
         invert_affine(&self.matrix()?).ok_or_else(|| Error::Invalid {
             place: self.place.clone(),
-            what: format!(
-                "the transform {} is singular: {:?}",
-                self.kind.map_name(),
-                self.matrix
-            ),
+            what: format!("the transform {} is singular: {:?}", self.kind.map_name(), self.matrix),
             remedy: "give the grid a transform whose three axes are finite and independent",
         })
     }
@@ -185,9 +182,7 @@ fn read_map(cursor: &mut Cursor<'_>) -> Result<(TransformKind, [[f64; 4]; 4]), F
             cursor.f64s::<12>("a scale and translation map")?;
             scale_translate(scale, translation)
         }
-        TransformKind::Translation => {
-            scale_translate([1.0; 3], cursor.f64s("a translation map")?)
-        }
+        TransformKind::Translation => scale_translate([1.0; 3], cursor.f64s("a translation map")?),
         TransformKind::Unitary | TransformKind::Affine => {
             let start = cursor.offset();
             let mut matrix = [[0.0; 4]; 4];
@@ -211,15 +206,12 @@ fn invert_affine(m: &[[f64; 4]; 4]) -> Option<[[f64; 4]; 4]> {
         m[r1][c1] * m[r2][c2] - m[r1][c2] * m[r2][c1]
     };
     let determinant: f64 = (0..3).map(|c| m[0][c] * cofactor(0, c)).sum();
-    let mut inverse = IDENTITY;
-    for r in 0..3 {
-        for c in 0..3 {
-            inverse[r][c] = cofactor(c, r) / determinant;
-        }
-    }
-    for c in 0..3 {
-        inverse[3][c] = -(0..3).map(|r| m[3][r] * inverse[r][c]).sum::<f64>();
-    }
+    let rows: [[f64; 3]; 3] =
+        std::array::from_fn(|r| std::array::from_fn(|c| cofactor(c, r) / determinant));
+    let shift: [f64; 3] =
+        std::array::from_fn(|c| -(0..3).map(|r| m[3][r] * rows[r][c]).sum::<f64>());
+    let row = |[x, y, z]: [f64; 3], w| [x, y, z, w];
+    let inverse = [row(rows[0], 0.0), row(rows[1], 0.0), row(rows[2], 0.0), row(shift, 1.0)];
     inverse.iter().flatten().all(|value| value.is_finite()).then_some(inverse)
 }
 

@@ -78,7 +78,8 @@ impl<T: Copy + PartialEq> Tree<T> {
         for (origin, values, mask) in leaves {
             sorted.insert(origin.map(|axis| axis & !7), (values, mask));
         }
-        let mut tree = Tree { background, leaves: Vec::new(), values: Vec::new(), tiles: Vec::new() };
+        let mut tree =
+            Tree { background, leaves: Vec::new(), values: Vec::new(), tiles: Vec::new() };
         for (origin, (values, mask)) in sorted {
             tree.leaves.push(Leaf { origin, mask });
             tree.values.extend(values);
@@ -124,7 +125,10 @@ impl<T: Copy + PartialEq> Tree<T> {
     pub fn with_tiles(mut self, tiles: impl IntoIterator<Item = Tile<T>>) -> Tree<T> {
         self.tiles = tiles.into_iter().filter(|t| t.active || t.value != self.background).collect();
         for tile in &mut self.tiles {
-            assert!(TILE_SIZES.contains(&tile.log2_size), "a tile has 8, 128 or 4096 voxels an edge");
+            assert!(
+                TILE_SIZES.contains(&tile.log2_size),
+                "a tile has 8, 128 or 4096 voxels an edge"
+            );
             tile.origin = tile.origin.map(|axis| axis >> tile.log2_size << tile.log2_size);
         }
         self.tiles.sort_by_key(|tile| tile.origin);

@@ -215,7 +215,7 @@ fn run(options: &Options) -> Result<usize, Box<dyn std::error::Error>> {
         count += 1;
         let (bytes, story) = candidate(&samples, &mut Random::new(options.seed, number));
         let (mut outcome, time, peak) = judge(&bytes);
-        if number % FROM_DISK_EVERY == 0 {
+        if number.is_multiple_of(FROM_DISK_EVERY) {
             std::fs::write(&disk, &bytes)?;
             let (from_disk, ..) = judge_file(|| VdbFile::open(&disk));
             let same = match (&outcome, &from_disk) {
