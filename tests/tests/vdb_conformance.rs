@@ -169,7 +169,11 @@ fn check_metadata(metadata: &Metadata, expected: &Json, place: &str) {
 fn check_grid(grid: &Grid, expected: &Json, place: &str) {
     let info: &GridInfo = &grid.info;
     assert_eq!(info.value_type.to_string(), expected["type"].as_str().expect("a type"), "{place}");
-    assert_eq!(info.class.to_string(), expected["grid_class"].as_str().expect("a class"), "{place}");
+    assert_eq!(
+        info.class.to_string(),
+        expected["grid_class"].as_str().expect("a class"),
+        "{place}"
+    );
     assert_eq!(Some(info.saved_as_half), expected["saved_as_half"].as_bool(), "{place}");
     check_transform(&info.transform, expected, place);
     check_metadata(&info.metadata, &expected["metadata"], place);

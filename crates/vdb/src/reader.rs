@@ -165,7 +165,7 @@ impl VdbFile {
 
     /// Reads the voxels of the grid at a position of [`VdbFile::grids`]: its bytes once, decoded on the current rayon pool.
     ///
-    /// Takes 512 values per leaf and little else, for the bytes pass through a window of 4 MiB. An instance reads the tree of its parent. A frustum
+    /// Takes 512 values per leaf and little else, for the bytes pass through a window of 1 MiB. An instance reads the tree of its parent. A frustum
     /// transform is no obstacle here, only to [`Transform::matrix`](crate::Transform::matrix).
     ///
     /// # Errors
