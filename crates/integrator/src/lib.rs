@@ -16,4 +16,4 @@ pub use error::Error;
 pub use plan::{Plan, PlannedVolume};
 pub use render::{Monitor, Unmonitored, render, sample_pixel};
 pub use sampler::PathSampler;
-pub use settings::{Distance, RenderSettings, Transmittance};
+pub use settings::{Distance, LightSampling, RenderSettings, Transmittance};

@@ -1,5 +1,6 @@
 //! Lights that next-event estimation can aim at, and the choice among them.
 
+use crate::settings::LightSampling;
 use glam::{DVec3, Vec3};
 use pileus_media::phase::ISOTROPIC;
 use pileus_media::random::sin_cos_turn;
@@ -23,6 +24,13 @@ pub(crate) enum Target {
     Position { light: Light, position: DVec3, strength: f32 },
     /// What is bright in the environment image.
     Image { image: Arc<EnvironmentImage>, strength: f32 },
+}
+
+impl Target {
+    /// Whether a path can run into it.
+    fn met_by_paths(&self) -> bool {
+        matches!(self, Target::Disc(_) | Target::Image { .. })
+    }
 }
 
 /// A sun of finite size.
@@ -81,6 +89,8 @@ pub(crate) struct LightSample {
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Lights {
     targets: Vec<Target>,
+    /// Discs and images that no shadow ray is sent to.
+    paths_only: Vec<Target>,
 }
 
 /// A choice among the lights from one vertex.
@@ -94,7 +104,7 @@ pub(crate) struct Choice {
 }
 
 impl Lights {
-    pub(crate) fn new(scene: &Scene) -> Lights {
+    pub(crate) fn new(scene: &Scene, sampling: LightSampling) -> Lights {
         let mut targets = Vec::new();
         for light in &scene.lights {
             match light {
@@ -126,7 +136,11 @@ impl Lights {
                 targets.push(Target::Image { image: Arc::clone(image), strength });
             }
         }
-        Lights { targets }
+        let mut paths_only = Vec::new();
+        if sampling == LightSampling::Paths {
+            (paths_only, targets) = targets.into_iter().partition(Target::met_by_paths);
+        }
+        Lights { targets, paths_only }
     }
 
     pub(crate) fn is_empty(&self) -> bool {
@@ -139,7 +153,7 @@ impl Lights {
 
     /// Whether a path can run into what shadow rays are sent to, so that both must be weighted.
     pub(crate) fn need_mis(&self) -> bool {
-        self.targets.iter().any(|t| matches!(t, Target::Disc(_) | Target::Image { .. }))
+        self.targets.iter().chain(&self.paths_only).any(Target::met_by_paths)
     }
 
     /// Unshadowed contribution of a light, as scattered by `phase` (a value for a direction), and if scattering were isotropic.
@@ -236,17 +250,28 @@ impl Lights {
         }
     }
 
-    /// Calls `visit` for every light at infinity that an escaping ray meets and that shadow rays are also sent to: its radiance, its
-    /// density of sampling that direction and its unshadowed importance at the vertex the ray came from.
-    pub(crate) fn met_at_infinity(&self, direction: Vec3, mut visit: impl FnMut(usize, Vec3, f32)) {
+    /// Calls `visit` for every light at infinity that an escaping ray meets: its radiance, and if shadow rays are sent to it, its
+    /// index and its density of sampling that direction.
+    pub(crate) fn met_at_infinity(
+        &self,
+        direction: Vec3,
+        mut visit: impl FnMut(Vec3, Option<(usize, f32)>),
+    ) {
         for (index, target) in self.targets.iter().enumerate() {
             match target {
                 Target::Disc(disc) if disc.contains(direction) => {
-                    visit(index, disc.radiance, disc.pdf);
+                    visit(disc.radiance, Some((index, disc.pdf)));
                 }
                 Target::Image { image, .. } => {
-                    visit(index, image.radiance(direction), image.pdf(direction));
+                    visit(image.radiance(direction), Some((index, image.pdf(direction))));
                 }
+                _ => {}
+            }
+        }
+        for target in &self.paths_only {
+            match target {
+                Target::Disc(disc) if disc.contains(direction) => visit(disc.radiance, None),
+                Target::Image { image, .. } => visit(image.radiance(direction), None),
                 _ => {}
             }
         }
@@ -267,8 +292,9 @@ impl Lights {
         if total > 0.0 { own / total } else { 0.0 }
     }
 
-    /// Radiance of an image that has nothing to sample for: it is left to path sampling alone.
+    /// Whether the environment's image is among the lights met at infinity: one with nothing to sample for is not.
     pub(crate) fn covers_image(&self) -> bool {
-        self.targets.iter().any(|t| matches!(t, Target::Image { .. }))
+        let image = |t: &Target| matches!(t, Target::Image { .. });
+        self.targets.iter().chain(&self.paths_only).any(image)
     }
 }

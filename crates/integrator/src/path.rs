@@ -14,7 +14,6 @@ use pileus_film::PixelSample;
 use pileus_media::random::uniform;
 use pileus_media::{Phase, Tally};
 use pileus_scene::Environment;
-use rand_core::Rng;
 
 /// Throughput below which a path is played roulette.
 const ROULETTE_THROUGHPUT: f32 = 0.25;
@@ -121,16 +120,16 @@ impl<M: Media> Kernel<'_, M> {
         if !self.lights.covers_image() {
             radiance = self.environment.radiance(ray.direction);
         }
-        self.lights.met_at_infinity(ray.direction, |index, light, pdf| {
-            let weight = match vertex {
-                // Seen directly: no shadow ray was sent for it.
-                None => 1.0,
-                Some(vertex) => {
+        self.lights.met_at_infinity(ray.direction, |light, sampled| {
+            let weight = match (vertex, sampled) {
+                (Some(vertex), Some((index, pdf))) => {
                     let phase = |wi: Vec3| vertex.phase.eval(vertex.incoming.dot(wi));
                     let pdf_light = pdf * self.lights.probability(index, vertex.p, phase);
                     let pdf_path = vertex.pdf * null_probability;
                     if pdf_light > 0.0 { pdf_path / (pdf_path + pdf_light) } else { 1.0 }
                 }
+                // Seen directly, or never sent a shadow ray.
+                _ => 1.0,
             };
             radiance += light * weight;
         });

@@ -100,7 +100,7 @@ impl Plan {
                  decided by the throughput-weighted mean of the channels"
                 .to_owned(),
         });
-        let lights = Lights::new(scene);
+        let lights = Lights::new(scene, settings.light_sampling);
         let suns = scene.lights.iter().filter(|l| matches!(l, Light::Sun(_))).count();
         let mis = lights.need_mis();
         if mis {

@@ -61,7 +61,7 @@ pub fn render(
             remedy: "make both from one resolution".into(),
         });
     }
-    let lights = Lights::new(scene);
+    let lights = Lights::new(scene, settings.light_sampling);
     let mut run = Run { scene, settings, film, monitor };
     Ok(dispatch(scene, plan, &lights, settings, &mut run))
 }
@@ -87,7 +87,7 @@ pub fn sample_pixel(
             trace::<M, MIS>(kernel, self.scene, self.settings, self.pixel, self.sample, &mut counters)
         }
     }
-    let lights = Lights::new(scene);
+    let lights = Lights::new(scene, settings.light_sampling);
     dispatch(scene, plan, &lights, settings, &mut One { scene, settings, pixel, sample })
 }
 

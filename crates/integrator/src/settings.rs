@@ -48,6 +48,17 @@ impl Distance {
     }
 }
 
+/// Which techniques find light that both shadow rays and paths can meet.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum LightSampling {
+    /// Shadow rays and paths, weighted by the balance heuristic.
+    #[default]
+    Both,
+    /// Paths alone: for comparisons. Delta lights, which no path can meet, are still sent shadow rays.
+    Paths,
+}
+
 /// How a scene is to be sampled. The value of a sample depends on these (but for the range), the scene, the pixel and the sample's number.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RenderSettings {
@@ -63,6 +74,8 @@ pub struct RenderSettings {
     pub transmittance: Transmittance,
     /// How distances are sampled.
     pub distance: Distance,
+    /// Which techniques find light that both can meet.
+    pub light_sampling: LightSampling,
     /// Edge of the tiles that threads take, pixels. No influence on the image.
     pub tile_size: u32,
 }
@@ -76,6 +89,7 @@ impl Default for RenderSettings {
             filter: Filter::default(),
             transmittance: Transmittance::Auto,
             distance: Distance::Auto,
+            light_sampling: LightSampling::Both,
             tile_size: 16,
         }
     }

@@ -1,0 +1,72 @@
+//! Whole paths per second on three assets under sun and sky. Run with `cargo bench -p pileus-integrator`.
+
+use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+use glam::{DVec3, Vec3};
+use pileus_film::Film;
+use pileus_integrator::{Plan, RenderSettings, Unmonitored, render};
+use pileus_media::{Albedo, GridMedium, Medium, Phase, VoxelGrid, VoxelGridOptions};
+use pileus_scene::{Camera, Environment, Light, Scene, Sun, Volume, VolumeSource};
+use pileus_vdb::VdbFile;
+use std::sync::Arc;
+
+fn scene(name: &str, scale: f32, albedo: [f32; 3], g: f32) -> Scene {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenes/assets/");
+    let file = VdbFile::open(format!("{path}{name}")).expect("an asset");
+    let grid = file.read(file.find("density").expect("density")).expect("a grid");
+    let matrix = grid.info.transform.index_to_world().expect("a linear transform");
+    let tree = grid.to_float().expect("a scalar grid");
+    let grid = VoxelGrid::from_tree(&tree, &VoxelGridOptions::default()).expect("a grid");
+    let medium = GridMedium::new(
+        Arc::new(grid),
+        pileus_scene::volume::affine(matrix),
+        [scale; 3],
+        Albedo::Constant(albedo),
+        Phase::henyey_greenstein(g),
+    );
+    let medium = Medium::Grid(medium.expect("a medium"));
+    let (low, high) = medium.bounds_world().expect("bounds");
+    let (middle, size) = (0.5 * (low + high), (high - low).max_element());
+    let eye = middle + DVec3::new(1.3, 0.4, 0.8) * size;
+    Scene {
+        camera: Camera::look_at(eye, middle, DVec3::Y, 35.0, [64, 64]).expect("a camera"),
+        volumes: vec![Volume {
+            name: name.to_owned(),
+            medium: Arc::new(medium),
+            source: VolumeSource::Homogeneous,
+        }],
+        lights: vec![Light::Sun(Sun {
+            to_light: Vec3::new(0.5, 0.8, -0.3).normalize(),
+            irradiance: Vec3::splat(3.0),
+            angular_diameter: 0.0,
+        })],
+        environment: Environment { constant: Vec3::new(0.3, 0.4, 0.6), image: None },
+        not_modelled: Vec::new(),
+    }
+}
+
+fn benches(c: &mut Criterion) {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a pool");
+    let mut group = c.benchmark_group("paths_one_thread");
+    group.sample_size(10);
+    for (name, scale, albedo, g) in [
+        ("cumulus.vdb", 0.4, [0.999; 3], 0.8),
+        ("cumulus_small.vdb", 0.4, [0.999; 3], 0.8),
+        ("arnold_smoke.vdb", 1.19, [0.6, 0.5, 0.4], 0.0),
+    ] {
+        let scene = scene(name, scale, albedo, g);
+        let settings = RenderSettings { samples: 0..4, ..RenderSettings::default() };
+        let plan = Plan::new(&scene, &settings).expect("a plan");
+        group.throughput(Throughput::Elements(64 * 64 * 4));
+        group.bench_function(name, |b| {
+            b.iter(|| {
+                let mut film = Film::new([64, 64], None).expect("a film");
+                pool.install(|| render(&scene, &plan, &settings, &mut film, &Unmonitored))
+                    .expect("a render")
+            });
+        });
+    }
+    group.finish();
+}
+
+criterion_group!(paths, benches);
+criterion_main!(paths);

@@ -1,0 +1,97 @@
+//! The same bits on any number of threads, in any tiles and passes, in any split.
+
+use glam::{DVec3, Vec3};
+use pileus_film::Film;
+use pileus_integrator::{Plan, RenderSettings, Unmonitored, render, sample_pixel};
+use pileus_media::Phase;
+use pileus_scene::{EnvironmentImage, Scene};
+use pileus_tests::*;
+use std::sync::Arc;
+
+fn scenes() -> Vec<Scene> {
+    let hg = Phase::henyey_greenstein(0.7);
+    let mut grey = scene(
+        vec![cube_grid(1.0, [6.0; 3], [0.9, 0.8, 0.7], hg)],
+        DVec3::new(3.0, 2.0, 4.0),
+        DVec3::ZERO,
+        40.0,
+    );
+    grey.lights.push(sun(Vec3::new(0.5, 0.8, -0.3), Vec3::splat(3.0), 0.0));
+    grey.environment.constant = Vec3::splat(0.3);
+    let mut chromatic = grey.clone();
+    chromatic.volumes = scene(
+        vec![
+            cube_grid(1.0, [6.0, 2.0, 0.5], [0.9, 0.8, 0.7], hg),
+            cube_homogeneous(1.4, [0.5; 3], [0.9; 3], Phase::Isotropic),
+        ],
+        DVec3::Z,
+        DVec3::ZERO,
+        40.0,
+    )
+    .volumes;
+    let texels = (0..32 * 16).map(|i| [if i == 100 { 300.0 } else { 0.5 }; 3]).collect();
+    chromatic.environment.image =
+        Some(Arc::new(EnvironmentImage::new(32, 16, texels, 1.0, 0.0).unwrap()));
+    vec![grey, chromatic]
+}
+
+fn state(film: &Film) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    film.write_state(&mut bytes, b"").unwrap();
+    bytes
+}
+
+fn film(scene: &Scene, settings: &RenderSettings, threads: usize) -> Film {
+    let plan = Plan::new(scene, settings).unwrap();
+    let mut film = Film::new(scene.camera.resolution(), None).unwrap();
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+    pool.install(|| render(scene, &plan, settings, &mut film, &Unmonitored)).unwrap();
+    film
+}
+
+#[test]
+fn threads_and_tiles_change_no_bit() {
+    for scene in scenes() {
+        let whole = state(&film(&scene, &settings(13, 3), 1));
+        for (threads, tile_size) in [(2, 16), (7, 16), (7, 5), (2, 64)] {
+            let other = RenderSettings { tile_size, ..settings(13, 3) };
+            assert!(
+                state(&film(&scene, &other, threads)) == whole,
+                "{threads} threads, tiles of {tile_size}"
+            );
+        }
+        assert!(state(&film(&scene, &settings(13, 4), 1)) != whole, "the seed has no effect");
+    }
+}
+
+#[test]
+fn any_split_merges_to_the_whole() {
+    for scene in scenes() {
+        let whole = state(&film(&scene, &settings(20, 3), 2));
+        for cuts in [vec![0, 1, 20], vec![0, 7, 8, 20], vec![0, 5, 10, 15, 20]] {
+            let mut merged = Film::new(scene.camera.resolution(), None).unwrap();
+            // In reverse: order must not matter either.
+            for pair in cuts.windows(2).rev() {
+                let slice = RenderSettings { samples: pair[0]..pair[1], ..settings(0, 3) };
+                merged.merge(&film(&scene, &slice, 2)).unwrap();
+            }
+            assert!(state(&merged) == whole, "cuts {cuts:?}");
+        }
+    }
+}
+
+#[test]
+fn a_sample_is_what_the_render_adds() {
+    for scene in scenes() {
+        let settings = settings(3, 9);
+        let plan = Plan::new(&scene, &settings).unwrap();
+        let film = film(&scene, &settings, 2);
+        for (x, y) in [(0, 0), (31, 33), (40, 20)] {
+            let mut moments = pileus_film::PixelMoments::default();
+            for sample in 0..3 {
+                moments.add(&sample_pixel(&scene, &plan, &settings, [x, y], sample));
+            }
+            assert_eq!(film.pixel(x, y), Some(&moments));
+        }
+    }
+}

@@ -1,0 +1,438 @@
+//! Light transport against closed forms, quadrature and itself.
+
+use glam::{DVec3, Vec3};
+use pileus_film::Filter;
+use pileus_integrator::{LightSampling, RenderSettings, Transmittance};
+use pileus_media::phase::ISOTROPIC;
+use pileus_media::{HomogeneousMedium, Medium, Phase, random::uniform};
+use pileus_scene::{Environment, EnvironmentImage, Light, Point, Scene, Spot};
+use pileus_tests::*;
+use rand_pcg::Pcg32;
+use std::sync::Arc;
+
+const EYE: DVec3 = DVec3::new(3.0, 2.0, 4.0);
+
+fn hg(g: f32) -> Phase {
+    Phase::henyey_greenstein(g)
+}
+
+/// The camera's ray through the middle of a pixel; tests that use it shrink the filter to a point.
+fn pixel_ray(scene: &Scene, x: u32, y: u32) -> (DVec3, DVec3) {
+    let (o, d) = scene.camera.ray([f64::from(x) + 0.5, f64::from(y) + 0.5]);
+    (o, d.as_dvec3())
+}
+
+fn point_filter(spp: u64, seed: u64) -> RenderSettings {
+    RenderSettings { filter: Filter::Box { radius: 1e-4 }, ..settings(spp, seed) }
+}
+
+/// Where a ray enters and leaves the cube of half edge `half`.
+fn cube_span(o: DVec3, d: DVec3, half: f64) -> Option<(f64, f64)> {
+    let (mut t0, mut t1) = (0.0f64, f64::INFINITY);
+    for k in 0..3 {
+        let (a, b) = ((-half - o[k]) / d[k], (half - o[k]) / d[k]);
+        t0 = t0.max(a.min(b));
+        t1 = t1.min(a.max(b));
+    }
+    (t0 < t1).then_some((t0, t1))
+}
+
+/// Albedo one inside uniform light: radiance one everywhere, whatever the density and g. Constant light is met by escaping paths
+/// alone, so that every single sample is one.
+#[test]
+fn white_furnace_is_exact_in_constant_light() {
+    for g in [-0.9, 0.0, 0.9] {
+        for sigma_t in [0.01f32, 1.0, 30.0] {
+            for medium in [
+                cube_grid(1.0, [sigma_t; 3], [1.0; 3], hg(g)),
+                asset_medium("syn_plume.vdb", [sigma_t * 10.0; 3], [1.0; 3], hg(g)),
+            ] {
+                let mut scene = scene(vec![medium], EYE, DVec3::ZERO, 40.0);
+                scene.environment.constant = Vec3::ONE;
+                let result = rendered(&scene, &settings(8, 1));
+                for c in ["R", "G", "B"] {
+                    let plane = result.image.channel(c).unwrap();
+                    assert!(
+                        plane.iter().all(|v| (v - 1.0).abs() < 1e-6),
+                        "g {g} sigma_t {sigma_t}"
+                    );
+                }
+                assert!(result.counters.bounces > 0);
+            }
+        }
+    }
+}
+
+/// An image that is one on half of the sphere and its complement: their sum is a furnace in which every technique and every weight
+/// has a part. Chromatic extinction must not matter either.
+#[test]
+fn white_furnace_of_two_half_skies_with_all_techniques() {
+    for (k, g) in [-0.9, 0.0, 0.9].into_iter().enumerate() {
+        for extinction in [[4.0; 3], [4.0, 1.0, 0.0]] {
+            let mut total: Vec<f64> = Vec::new();
+            let mut variance: Vec<f64> = Vec::new();
+            for half in [false, true] {
+                let medium = cube_grid(1.0, extinction, [1.0; 3], hg(g));
+                let mut scene = scene(vec![medium], EYE, DVec3::ZERO, 40.0);
+                let texels: Vec<[f32; 3]> = (0..64 * 32)
+                    .map(|i| if (i % 64 < 32) == half { [1.0; 3] } else { [0.0; 3] })
+                    .collect();
+                let image = EnvironmentImage::new(64, 32, texels, 1.0, 0.0).unwrap();
+                scene.environment.image = Some(Arc::new(image));
+                let result = rendered(&scene, &settings(256, 31 + k as u64));
+                assert!(result.counters.shadow_rays > 0);
+                for c in ["R", "G", "B"] {
+                    let mean = result.image.channel(c).unwrap();
+                    let var = result.variance.channel(c).unwrap();
+                    total.resize(3 * mean.len(), 0.0);
+                    variance.resize(3 * mean.len(), 0.0);
+                    let offset = ["R", "G", "B"].iter().position(|n| *n == c).unwrap() * mean.len();
+                    for i in 0..mean.len() {
+                        total[offset + i] += f64::from(mean[i]);
+                        variance[offset + i] += f64::from(var[i]);
+                    }
+                }
+            }
+            let n = total.len() as f64;
+            let mean = total.iter().sum::<f64>() / n;
+            let error = variance.iter().sum::<f64>().sqrt() / n;
+            // Null hypothesis: mean one. False alarm 6e-9 per case.
+            let z = (mean - 1.0) / error;
+            println!("g {g} extinction {extinction:?}: mean {mean:.6}, z {z:.2}");
+            assert!(z.abs() < 5.8, "g {g} extinction {extinction:?}: mean {mean}, z {z}");
+            assert!(error < 2e-3, "the test is too weak: standard error {error}");
+        }
+    }
+}
+
+/// Pure absorption: background times `exp(-tau)`, for a cube in closed form and for an asset by its exact optical depth.
+#[test]
+fn absorption_is_beer_lambert() {
+    let mut closed =
+        scene(vec![cube_grid(1.0, [1.3; 3], [0.0; 3], hg(0.3))], EYE, DVec3::ZERO, 40.0);
+    closed.environment.constant = Vec3::new(1.0, 2.0, 0.5);
+    let result = rendered(&closed, &point_filter(256, 3));
+    assert_expected("cube", &result, |x, y| {
+        let (o, d) = pixel_ray(&closed, x, y);
+        let length = cube_span(o, d, 1.0).map_or(0.0, |(a, b)| b - a);
+        [1.0, 2.0, 0.5].map(|l| l * (-1.3 * length).exp())
+    });
+
+    let medium = asset_medium("syn_plume.vdb", [60.0, 20.0, 5.0], [0.0; 3], hg(0.0));
+    let (low, high) = medium.bounds_world().unwrap();
+    let middle = 0.5 * (low + high);
+    let mut plume = scene(vec![medium], middle + DVec3::new(2.0, 1.0, 3.0), middle, 35.0);
+    plume.environment.constant = Vec3::ONE;
+    let result = rendered(&plume, &point_filter(256, 4));
+    let Medium::Grid(grid) = &*plume.volumes[0].medium else { panic!("a grid") };
+    assert_expected("plume, per channel", &result, |x, y| {
+        let (o, d) = pixel_ray(&plume, x, y);
+        let tau = pileus_media::optical_depth(grid, o, d, 0.0, 100.0, &mut Default::default());
+        [1.0, 1.0 / 3.0, 1.0 / 12.0].map(|relative| (-tau * relative).exp())
+    });
+    // Alpha is one minus the transmittance of the strongest channel's walk; here it is per path, so compare with the mean colour.
+    let alpha = result.image.channel("A").unwrap().iter().sum::<f32>();
+    let red = result.image.channel("R").unwrap().iter().sum::<f32>();
+    let blue = result.image.channel("B").unwrap().iter().sum::<f32>();
+    let pixels = (64 * 64) as f32;
+    assert!(alpha > pixels - blue - 40.0 && alpha < pixels - red + 40.0, "{alpha} {red} {blue}");
+}
+
+#[test]
+fn constant_grid_equals_homogeneous() {
+    for extinction in [[3.0; 3], [3.0, 1.0, 0.2]] {
+        let mut results = Vec::new();
+        for (k, medium) in [
+            cube_grid(1.0, extinction, [0.95, 0.8, 0.5], hg(0.6)),
+            cube_homogeneous(1.0, extinction, [0.95, 0.8, 0.5], hg(0.6)),
+        ]
+        .into_iter()
+        .enumerate()
+        {
+            let mut scene = scene(vec![medium], EYE, DVec3::ZERO, 40.0);
+            scene.lights.push(sun(Vec3::new(0.5, 0.8, -0.3), Vec3::new(3.0, 2.0, 1.0), 0.0));
+            scene.environment.constant = Vec3::new(0.1, 0.2, 0.3);
+            results.push(rendered(&scene, &settings(256, 10 + k as u64)));
+        }
+        assert_same(&format!("extinction {extinction:?}"), &results[0], &results[1]);
+    }
+}
+
+/// Single scattering of a sun, a point and a spot light in a cube: midpoint quadrature along the camera ray.
+#[test]
+fn single_scattering_is_the_integral() {
+    const SIGMA_T: f64 = 1.7;
+    const ALBEDO: f64 = 0.9;
+    let to_sun = Vec3::new(0.5, 0.8, -0.3).normalize();
+    let at = DVec3::new(-1.5, 1.8, 0.7);
+    let lights = [
+        sun(to_sun, Vec3::ONE, 0.0),
+        Light::Point(Point { position: at, intensity: Vec3::splat(5.0) }),
+        Light::Spot(Spot {
+            position: at,
+            direction: (-at).normalize().as_vec3(),
+            intensity: Vec3::splat(20.0),
+            // Wide enough for the whole cube: a block of pixels in the dark would have no variance.
+            cos_inner: 0.95,
+            cos_outer: -0.5,
+        }),
+    ];
+    for light in lights {
+        let g = 0.5f64;
+        let medium = cube_grid(1.0, [SIGMA_T as f32; 3], [ALBEDO as f32; 3], hg(g as f32));
+        let mut scene = scene(vec![medium], EYE, DVec3::ZERO, 40.0);
+        scene.lights.push(light.clone());
+        let settings = RenderSettings { max_bounces: Some(1), ..point_filter(512, 5) };
+        let result = rendered(&scene, &settings);
+        let quadrature = |x: u32, y: u32| {
+            let (o, d) = pixel_ray(&scene, x, y);
+            let Some((t0, t1)) = cube_span(o, d, 1.0) else { return [0.0; 3] };
+            let n = 2000;
+            let dt = (t1 - t0) / f64::from(n);
+            let mut sum = 0.0;
+            for i in 0..n {
+                let t = t0 + (f64::from(i) + 0.5) * dt;
+                let p = o + d * t;
+                let (wi, distance, irradiance) = match &light {
+                    Light::Sun(sun) => (sun.to_light.as_dvec3().normalize(), f64::INFINITY, 1.0),
+                    Light::Point(point) => {
+                        let to = point.position - p;
+                        (to.normalize(), to.length(), 5.0 / to.length_squared())
+                    }
+                    Light::Spot(spot) => {
+                        let to = spot.position - p;
+                        let i = spot.intensity_toward((-to).normalize().as_vec3()).x;
+                        (to.normalize(), to.length(), f64::from(i) / to.length_squared())
+                    }
+                    _ => unreachable!("no other lights here"),
+                };
+                let exit = cube_span(p, wi, 1.0).map_or(0.0, |(_, b)| b).min(distance);
+                let phase = (1.0 - g * g) / (1.0 + g * g - 2.0 * g * d.dot(wi)).powf(1.5);
+                let phase = phase / (4.0 * std::f64::consts::PI);
+                sum +=
+                    SIGMA_T * (-SIGMA_T * (t - t0 + exit)).exp() * ALBEDO * phase * irradiance * dt;
+            }
+            [sum; 3]
+        };
+        assert_expected("single scattering", &result, quadrature);
+    }
+}
+
+/// An analog walk through a homogeneous cube, written independently in double precision: fly, die with probability 1 - albedo, scatter,
+/// collect the environment. Roulette and shadow rays play no part in it.
+fn analog_radiance(
+    o: DVec3,
+    d: DVec3,
+    sigma_t: f64,
+    albedo: f64,
+    light: impl Fn(DVec3) -> f64,
+    rng: &mut Pcg32,
+) -> f64 {
+    let Some((t0, _)) = cube_span(o, d, 1.0) else { return light(d) };
+    let (mut p, mut d) = (o + d * t0, d);
+    loop {
+        let exit = cube_span(p, d, 1.0).map_or(0.0, |(_, b)| b);
+        let u = (f64::from(uniform(rng)) + 0.5 / 16_777_216.0).min(1.0);
+        let t = -u.ln() / sigma_t;
+        if t >= exit {
+            return light(d);
+        }
+        if f64::from(uniform(rng)) >= albedo {
+            return 0.0;
+        }
+        p += d * t;
+        let z = 1.0 - 2.0 * f64::from(uniform(rng));
+        let phi = std::f64::consts::TAU * f64::from(uniform(rng));
+        let r = (1.0 - z * z).sqrt();
+        d = DVec3::new(r * phi.cos(), r * phi.sin(), z);
+    }
+}
+
+/// Multiple scattering with roulette and weighted shadow rays against the analog walk, over the whole image.
+#[test]
+fn multiple_scattering_equals_an_analog_walk() {
+    let (sigma_t, albedo) = (4.0, 0.6);
+    // Bright in one quarter of the sky, dim elsewhere; constant per texel row and column pair, read at texel precision.
+    let texels: Vec<[f32; 3]> =
+        (0..64 * 32).map(|i| if i % 64 < 16 { [4.0; 3] } else { [0.5; 3] }).collect();
+    let image = Arc::new(EnvironmentImage::new(64, 32, texels, 1.0, 0.0).unwrap());
+    let medium = cube_grid(1.0, [sigma_t as f32; 3], [albedo as f32; 3], Phase::Isotropic);
+    let mut scene = scene(vec![medium], EYE, DVec3::ZERO, 26.0);
+    scene.environment = Environment { constant: Vec3::splat(0.1), image: Some(Arc::clone(&image)) };
+    let result = rendered(&scene, &point_filter(256, 6));
+    let mut rng = Pcg32::new(17, 4);
+    let light = |d: DVec3| f64::from(image.radiance(d.as_vec3()).x) + 0.1;
+    let (mut ours, mut ours_variance, mut theirs, mut theirs_variance) = (0.0, 0.0, 0.0, 0.0);
+    let draws = 400;
+    for y in 0..64 {
+        for x in 0..64 {
+            let (o, d) = pixel_ray(&scene, x, y);
+            let (mut sum, mut squares) = (0.0, 0.0);
+            for _ in 0..draws {
+                let v = analog_radiance(o, d, sigma_t, albedo, light, &mut rng);
+                sum += v;
+                squares += v * v;
+            }
+            let n = f64::from(draws);
+            theirs += sum / n;
+            theirs_variance += (squares / n - (sum / n).powi(2)) / (n - 1.0);
+            ours += f64::from(result.image.get("R", x, y).unwrap());
+            ours_variance += f64::from(result.variance.get("R", x, y).unwrap());
+        }
+    }
+    // Null hypothesis: equal sums over 4096 pixels. False alarm 6e-9.
+    let z = (ours - theirs) / (ours_variance + theirs_variance).sqrt();
+    println!("ours {ours:.3}, analog {theirs:.3}, z {z:.2}");
+    assert!(z.abs() < 5.8, "ours {ours}, analog {theirs}, z {z}");
+    assert!((ours_variance + theirs_variance).sqrt() / theirs < 2.5e-3, "the test is too weak");
+}
+
+/// Weighted shadow rays and paths find the same light as paths alone: image and sun's disc, one medium and several, grey and per channel.
+#[test]
+fn shadow_rays_and_paths_agree_with_paths_alone() {
+    let image = |rotation: f32| {
+        let texels: Vec<[f32; 3]> = (0..64 * 32)
+            .map(|i| {
+                let (x, y) = (i % 64, i / 64);
+                if (20..28).contains(&x) && (4..10).contains(&y) {
+                    [30.0, 20.0, 5.0]
+                } else {
+                    [0.2, 0.3, 0.4]
+                }
+            })
+            .collect();
+        Some(Arc::new(EnvironmentImage::new(64, 32, texels, 1.0, rotation.into()).unwrap()))
+    };
+    let single = |extinction| vec![cube_grid(1.0, extinction, [0.9, 0.8, 0.7], hg(0.7))];
+    let several = |extinction: [f32; 3]| {
+        vec![
+            cube_grid(1.0, extinction, [0.9, 0.8, 0.7], hg(0.7)),
+            cube_grid(0.6, [1.0, 2.0, 0.0], [0.5, 0.99, 0.7], hg(-0.3)),
+            cube_homogeneous(1.5, [0.3; 3], [0.99; 3], Phase::Isotropic),
+        ]
+    };
+    let cases: Vec<(&str, Vec<Medium>)> = vec![
+        ("one grey", single([3.0; 3])),
+        ("one per channel", single([3.0, 1.0, 0.1])),
+        ("several grey", {
+            let mut media = several([2.0; 3]);
+            media.remove(1);
+            media
+        }),
+        ("several per channel", several([2.0, 1.0, 0.5])),
+    ];
+    for (name, media) in cases {
+        for disc in [false, true] {
+            let mut scene = scene(media.clone(), EYE, DVec3::ZERO, 40.0);
+            scene.environment.constant = Vec3::splat(0.05);
+            if disc {
+                scene.lights.push(sun(Vec3::new(0.5, 0.8, -0.3), Vec3::new(3.0, 2.0, 1.0), 1.5));
+                scene.lights.push(Light::Point(Point {
+                    position: DVec3::new(0.0, 3.0, 0.0),
+                    intensity: Vec3::ONE,
+                }));
+            } else {
+                scene.environment.image = image(25.0);
+            }
+            let both = rendered(&scene, &settings(256, 7));
+            for transmittance in [Transmittance::Ratio, Transmittance::Delta] {
+                let paths =
+                    RenderSettings { light_sampling: LightSampling::Paths, ..settings(512, 8) };
+                let other = match transmittance {
+                    Transmittance::Delta => RenderSettings { transmittance, ..settings(256, 9) },
+                    _ => paths,
+                };
+                let what = format!("{name}, disc {disc}, against {transmittance:?}");
+                assert_same(&what, &both, &rendered(&scene, &other));
+            }
+        }
+    }
+}
+
+#[test]
+fn two_halves_make_a_whole() {
+    let build = |parts: u32| {
+        let media = (0..parts)
+            .map(|_| {
+                let sigma_t = [120.0 / parts as f32; 3];
+                asset_medium("syn_plume.vdb", sigma_t, [0.9, 0.8, 0.7], hg(0.4))
+            })
+            .collect::<Vec<_>>();
+        let (low, high) = media[0].bounds_world().unwrap();
+        let middle = 0.5 * (low + high);
+        let mut scene = scene(media, middle + DVec3::new(2.0, 1.0, 3.0), middle, 35.0);
+        scene.lights.push(sun(Vec3::new(0.5, 0.8, -0.3), Vec3::splat(3.0), 0.0));
+        scene.environment.constant = Vec3::splat(0.3);
+        scene
+    };
+    let whole = rendered(&build(1), &settings(128, 1));
+    for parts in [2, 3] {
+        assert_same(&format!("{parts} parts"), &whole, &rendered(&build(parts), &settings(128, 2)));
+    }
+}
+
+/// Per-channel extinction renders what three grey renders do, one per channel.
+#[test]
+fn channels_equal_grey_renders_each() {
+    let extinction = [12.0f32, 4.0, 0.0];
+    let build = |sigma_t: [f32; 3]| {
+        let mut scene =
+            scene(vec![cube_grid(1.0, sigma_t, [0.9, 0.95, 0.5], hg(0.3))], EYE, DVec3::ZERO, 40.0);
+        scene.lights.push(sun(Vec3::new(0.5, 0.8, 0.6), Vec3::splat(3.0), 0.0));
+        scene.environment.constant = Vec3::splat(0.2);
+        scene
+    };
+    let all = rendered(&build(extinction), &settings(512, 1));
+    for (k, name) in ["R", "G", "B"].into_iter().enumerate() {
+        let mut grey = rendered(&build([extinction[k]; 3]), &settings(256, 2));
+        // Only channel k is comparable: take the others from the chromatic image.
+        for other in ["R", "G", "B"].into_iter().filter(|n| *n != name) {
+            for (to, from) in [(&mut grey.image, &all.image), (&mut grey.variance, &all.variance)] {
+                to.channel_mut(other).unwrap().copy_from_slice(from.channel(other).unwrap());
+            }
+        }
+        assert_same(name, &all, &grey);
+    }
+}
+
+/// The camera inside a medium, and a medium that fills all space: radiance of a fog lit by uniform light.
+#[test]
+fn camera_inside_and_endless_fog() {
+    // In endless conservative fog nothing comes from infinity; in a box of it the furnace holds.
+    let mut inside = scene(
+        vec![cube_grid(1.0, [5.0; 3], [1.0; 3], hg(0.5))],
+        DVec3::splat(0.1),
+        DVec3::ONE,
+        60.0,
+    );
+    inside.environment.constant = Vec3::ONE;
+    let result = rendered(&inside, &settings(4, 1));
+    assert!(result.image.channel("G").unwrap().iter().all(|v| (v - 1.0).abs() < 1e-6));
+
+    // Absorbing fog in all space with a point light: single scattering by quadrature.
+    let fog = HomogeneousMedium::new([0.2; 3], None, [0.5; 3], Phase::Isotropic).unwrap();
+    let mut endless = scene(vec![Medium::Homogeneous(fog)], EYE, DVec3::ZERO, 40.0);
+    let at = DVec3::new(0.5, 1.0, -1.0);
+    endless.lights.push(Light::Point(Point { position: at, intensity: Vec3::splat(10.0) }));
+    let single = RenderSettings { max_bounces: Some(1), ..point_filter(2048, 2) };
+    let result = rendered(&endless, &single);
+    assert_expected("fog", &result, |x, y| {
+        let (o, d) = pixel_ray(&endless, x, y);
+        let n = 20_000;
+        let mut sum = 0.0;
+        // Substitution around the point nearest to the light, where the integrand peaks: t = foot + D tan(theta).
+        let foot = (at - o).dot(d);
+        let distance = (at - (o + d * foot)).length();
+        let (a, b) = ((-foot / distance).atan(), std::f64::consts::FRAC_PI_2);
+        for i in 0..n {
+            let theta = a + (b - a) * (f64::from(i) + 0.5) / f64::from(n);
+            let t = foot + distance * theta.tan();
+            let to = (at - (o + d * t)).length();
+            let jacobian = distance / theta.cos().powi(2) * (b - a) / f64::from(n);
+            sum += 0.2 * 0.5 * f64::from(ISOTROPIC) * 10.0 / (to * to)
+                * (-0.2 * (t + to)).exp()
+                * jacobian;
+        }
+        [sum; 3]
+    });
+}
