@@ -78,13 +78,18 @@ pub fn keys() -> Vec<String> {
     keys
 }
 
+/// What the page calls a definition.
+fn title(name: &str) -> &str {
+    name.strip_suffix("Spec").unwrap_or(name)
+}
+
 fn definitions(schema: &Value) -> impl Iterator<Item = (&str, &Value)> {
     schema
         .get("$defs")
         .and_then(Value::as_object)
         .into_iter()
         .flatten()
-        .map(|(name, definition)| (name.as_str(), definition))
+        .map(|(name, definition)| (title(name), definition))
 }
 
 fn properties(object: &Value) -> impl Iterator<Item = (&str, &Value)> {
@@ -192,7 +197,7 @@ fn description(schema: &Value) -> Option<String> {
 
 fn type_of(schema: &Value) -> String {
     if let Some(reference) = schema.get("$ref").and_then(Value::as_str) {
-        let name = reference.rsplit('/').next().unwrap_or_default();
+        let name = title(reference.rsplit('/').next().unwrap_or_default());
         return format!("[{name}](#{})", name.to_lowercase());
     }
     let choices = variants(schema);

@@ -4,8 +4,9 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use glam::{DAffine3, DVec3};
+use pileus_media::Medium;
 
-use crate::camera::Camera;
+use crate::camera::{Camera, corners};
 use crate::environment::Environment;
 use crate::error::{Error, Place};
 use crate::gltf::{self, GltfCamera, GltfScene};
@@ -107,8 +108,7 @@ impl Scene {
         loader.seconds_load = start.elapsed().as_secs_f64();
         let mut notes = Vec::new();
         let volumes = load_volumes(&mut loader, &request, file.as_ref(), &mut notes)?;
-        let bounds = bounds_of(&volumes);
-        let (camera, note) = choose_camera(&request, file.as_ref(), bounds)?;
+        let (camera, note) = choose_camera(&request, file.as_ref(), &volumes)?;
         notes.extend(note);
         let mut lights = request.lights;
         let mut not_modelled = Vec::new();
@@ -148,6 +148,45 @@ fn bounds_of(volumes: &[Volume]) -> Option<(DVec3, DVec3)> {
         .iter()
         .filter_map(|volume| volume.medium.bounds_world())
         .reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))
+}
+
+/// Balls of one size that together hold what is seen of the volumes.
+struct Balls {
+    centres: Vec<DVec3>,
+    radius: f64,
+}
+
+impl Balls {
+    /// Cells of the volumes' bounds in which there is more than a trace of density; `None` without
+    /// bounded volumes. What is smaller than a cell may be missed, which the margin of the frame
+    /// forgives.
+    fn of(volumes: &[Volume]) -> Option<Self> {
+        /// Cells along each axis of a volume's bounds.
+        const SIDE: u32 = 40;
+        /// Share of the densest cell below which a cell does not matter.
+        const TRACE: f64 = 0.005;
+        let mut balls = Self { centres: Vec::new(), radius: 0.0 };
+        for volume in volumes {
+            let Some((low, high)) = volume.medium.bounds_world() else { continue };
+            let cell = (high - low) / f64::from(SIDE);
+            balls.radius = balls.radius.max(cell.length() * 0.5);
+            let cells = (0..SIDE.pow(3)).map(|i| {
+                let index = [i % SIDE, i / SIDE % SIDE, i / (SIDE * SIDE)].map(f64::from);
+                low + cell * (DVec3::from_array(index) + 0.5)
+            });
+            let before = balls.centres.len();
+            if let Medium::Grid(medium) = &*volume.medium {
+                let values: Vec<(DVec3, f64)> = cells.map(|p| (p, medium.sigma_t_at(p))).collect();
+                let largest = values.iter().fold(0.0f64, |a, (_, v)| a.max(*v));
+                let seen = values.iter().filter(|(_, v)| *v > TRACE * largest);
+                balls.centres.extend(seen.map(|(p, _)| *p));
+            }
+            if balls.centres.len() == before {
+                balls.centres.extend(corners((low, high)));
+            }
+        }
+        (!balls.centres.is_empty()).then_some(balls)
+    }
 }
 
 fn load_volumes(
@@ -201,7 +240,7 @@ fn load_volumes(
 fn choose_camera(
     request: &SceneRequest<'_>,
     file: Option<&GltfScene>,
-    bounds: Option<(DVec3, DVec3)>,
+    volumes: &[Volume],
 ) -> Result<(Camera, Option<String>), Error> {
     let cameras = file.map(|file| file.cameras.as_slice()).unwrap_or_default();
     let resolution = request.resolution.unwrap_or([640, 360]);
@@ -235,7 +274,7 @@ fn choose_camera(
                 let note = format!("camera `{}` of the scene", camera.node);
                 return gltf_camera(camera, request, &place).map(|camera| (camera, Some(note)));
             }
-            let Some(bounds) = bounds else {
+            let Some(balls) = Balls::of(volumes) else {
                 let place = request.gltf.as_ref().map(|(path, _)| Place::file(path));
                 return Err(Error::missing(
                     place.unwrap_or_default(),
@@ -243,7 +282,8 @@ fn choose_camera(
                     "give the job a `camera` with `position` and `look_at`",
                 ));
             };
-            let camera = Camera::framing(bounds, *fov_y_degrees, resolution)?;
+            let Balls { centres, radius } = balls;
+            let camera = Camera::framing_balls(centres, radius, *fov_y_degrees, resolution)?;
             Ok((camera, Some("no camera given: the volumes are framed".into())))
         }
     }

@@ -97,29 +97,55 @@ impl Camera {
         fov_y_degrees: f64,
         resolution: [u32; 2],
     ) -> Result<Self, Error> {
-        /// Share of the image the box may fill.
-        const FILL: f64 = 0.92;
-        let centre = (bounds.0 + bounds.1) * 0.5;
-        let size = (bounds.1 - bounds.0).length().max(1e-6 * centre.length()).max(1e-30);
+        Self::framing_balls(corners(bounds), 0.0, fov_y_degrees, resolution)
+    }
+
+    /// As [`Self::framing`], but shows balls of one radius around points as large as they fit.
+    ///
+    /// With the direction of view given, each point bounds the camera's distance and offset along
+    /// each axis of the film linearly, so that the closest camera is found without iteration.
+    pub fn framing_balls(
+        centres: impl IntoIterator<Item = DVec3>,
+        radius: f64,
+        fov_y_degrees: f64,
+        resolution: [u32; 2],
+    ) -> Result<Self, Error> {
+        /// Share of the image that may be filled.
+        const FILL: f64 = 0.9;
         let backward = DVec3::new(0.83, 0.24, 0.5).normalize();
-        let mut camera =
-            Self::look_at(centre + backward * size, centre, DVec3::Y, fov_y_degrees, resolution)?;
-        let [tan_x, tan_y] = camera.tan_half_fov();
-        let mut distance = size * 1e-3;
-        for corner in 0..8 {
-            let pick = |bit: usize, low: f64, high: f64| if corner & bit == 0 { low } else { high };
-            let offset = DVec3::new(
-                pick(1, bounds.0.x, bounds.1.x),
-                pick(2, bounds.0.y, bounds.1.y),
-                pick(4, bounds.0.z, bounds.1.z),
-            ) - centre;
-            let towards_camera = -offset.dot(camera.forward);
-            let across = (offset.dot(camera.right).abs() / tan_x)
-                .max(offset.dot(camera.up).abs() / tan_y)
-                / FILL;
-            distance = distance.max(across + towards_camera);
+        let mut centres = centres.into_iter();
+        let reference = centres.next().unwrap_or(DVec3::ZERO);
+        let mut camera = Self::look_at(
+            reference + backward * (1.0 + reference.length()),
+            reference,
+            DVec3::Y,
+            fov_y_degrees,
+            resolution,
+        )?;
+        let tangents = camera.tan_half_fov().map(|tan| tan * FILL);
+        let axes = [camera.right, camera.up];
+        // Largest of `x + tan z` and of `tan z - x` over all points, z towards the camera.
+        let mut reach = [[0.0f64; 2]; 2];
+        let mut nearest = 0.0f64;
+        for offset in centres.map(|centre| centre - reference) {
+            let z = offset.dot(backward);
+            nearest = nearest.max(z);
+            for (axis, reach) in reach.iter_mut().enumerate() {
+                let (x, tan) = (offset.dot(axes[axis]), tangents[axis]);
+                reach[0] = reach[0].max(x + tan * z);
+                reach[1] = reach[1].max(tan * z - x);
+            }
         }
-        camera.position = centre + backward * distance;
+        let mut distance = 0.0f64;
+        let mut position = reference;
+        for axis in 0..2 {
+            let tan = tangents[axis];
+            let [plus, minus] = reach[axis].map(|r| r + radius * (1.0 + tan * tan).sqrt());
+            distance = distance.max((plus + minus) / (2.0 * tan));
+            position += axes[axis] * ((plus - minus) / 2.0);
+        }
+        let least = nearest + radius + (1e-6 * reference.length()).max(1e-30);
+        camera.position = position + backward * distance.max(least);
         Ok(camera)
     }
 
@@ -178,6 +204,14 @@ impl Camera {
         let [width, height] = self.resolution.map(f64::from);
         [self.tan_half_fov_y * width / height, self.tan_half_fov_y]
     }
+}
+
+/// The corners of a box.
+pub(crate) fn corners((low, high): (DVec3, DVec3)) -> impl Iterator<Item = DVec3> {
+    (0..8usize).map(move |i| {
+        let pick = |bit: usize, low: f64, high: f64| if i & bit == 0 { low } else { high };
+        DVec3::new(pick(1, low.x, high.x), pick(2, low.y, high.y), pick(4, low.z, high.z))
+    })
 }
 
 #[cfg(test)]

@@ -3,6 +3,7 @@
 //! Only the JSON part of a file is needed: meshes, materials, textures and animations are not
 //! rendered by this version, and no buffer is read. What is left out is listed.
 
+use std::f32::consts::{FRAC_PI_4, PI};
 use std::path::Path;
 
 use glam::{DAffine3, DMat3, DQuat, DVec3, Vec3};
@@ -405,16 +406,13 @@ impl Walk<'_> {
             }),
             Checked::Valid(Type::Point) => Light::Point(Point { position, intensity }),
             Checked::Valid(Type::Spot) => {
-                let spot = light.spot.clone().unwrap_or_else(|| {
-                    json::extensions::scene::khr_lights_punctual::Spot {
-                        inner_cone_angle: 0.0,
-                        outer_cone_angle: std::f32::consts::FRAC_PI_4,
-                    }
-                });
-                let (inner, outer) = (spot.inner_cone_angle, spot.outer_cone_angle);
+                let (inner, outer) = light
+                    .spot
+                    .as_ref()
+                    .map_or((0.0, FRAC_PI_4), |s| (s.inner_cone_angle, s.outer_cone_angle));
                 // The specification allows outer angles up to a quarter turn; a whole half turn
                 // still has a meaning.
-                if !(inner >= 0.0 && inner <= outer && outer <= std::f32::consts::PI) {
+                if !(inner >= 0.0 && inner <= outer && outer <= PI) {
                     return Err(invalid("the spot's cone angles are not 0 <= inner <= outer"));
                 }
                 let (cos_inner, cos_outer) = (inner.cos(), outer.cos());

@@ -163,7 +163,7 @@ fn data_fault(text: &str, error: &serde_path_to_error::Error<serde_json::Error>)
                 let known = known.iter().map(|k| format!("`{k}`")).collect::<Vec<_>>().join(", ");
                 format!("did you mean `{near}`? Known here: {known}")
             }
-            None => "no keys are allowed here".to_owned(),
+            None => "remove it: no further keys belong here".to_owned(),
         };
     } else if let Some(name) = names.first().filter(|_| message.starts_with("missing field")) {
         message = format!("the key `{name}` is missing");
@@ -171,13 +171,34 @@ fn data_fault(text: &str, error: &serde_path_to_error::Error<serde_json::Error>)
     } else if let Some(name) = names.first().filter(|_| message.starts_with("duplicate field")) {
         message = format!("the key `{name}` stands here twice");
         remedy = "keep one of them".to_owned();
-    } else if let Some(path) = find_unexpected(text, &segments, &message) {
-        segments = path;
+    } else {
+        if let Some(path) = find_unexpected(text, &segments, &message) {
+            segments = path;
+        }
+        if let Some((found, expected)) = message.split_once(", expected ") {
+            let found = found.trim_start_matches("invalid type: ");
+            let expected = in_words(expected);
+            remedy = format!("write {expected} here");
+            message = format!("{found}, where {expected} is expected");
+        }
     }
     let span = span
         .or_else(|| locate_segments(text, &segments).map(|spans| spans.value))
         .unwrap_or(0..text.len().min(1));
     Fault { pointer: pointer_of(&segments), span, what: message, remedy }
+}
+
+/// What serde calls a type, for people.
+fn in_words(expected: &str) -> &str {
+    match expected {
+        "u8" | "u16" | "u32" | "u64" | "usize" => "a whole number of at least 0",
+        "i8" | "i16" | "i32" | "i64" | "isize" => "a whole number",
+        "f32" | "f64" => "a number",
+        other if other.starts_with("struct ") || other.starts_with("internally tagged enum ") => {
+            "an object"
+        }
+        other => other,
+    }
 }
 
 /// The words between backticks, in order.
@@ -412,6 +433,9 @@ mod tests {
         assert!(found.remedy.contains("did you mean `scaled`?"));
         let found = fault("{\"inner\":[{\"type\":\"scaled\"}]}");
         assert_eq!(found.what, "the key `scale` is missing");
+        let found = fault("{\"inner\":[{\"type\":\"scaled\",\"scale\":true}]}");
+        assert_eq!(found.what, "boolean `true`, where a number is expected");
+        assert_eq!(found.pointer, "/inner/0/scale");
         assert_eq!(fault("{\"inner\":3}").pointer, "/inner");
         assert!(fault("{\"inner\":[],\"inner\":[]}").what.contains("twice"));
         assert_eq!(fault("[]").pointer, "");

@@ -11,18 +11,19 @@ use crate::light::{Light, Sun};
 /// A clear day: a warm sun 45 degrees above the horizon and a blue gradient with a pale horizon.
 ///
 /// Nothing physical is claimed for it; it makes a cloud look like one. The sun's irradiance is
-/// about 3, the sky's radiance between 0.1 and 0.6.
+/// about 4, the sky's radiance between 0.1 and 0.7.
 pub fn default_sky() -> Result<(Light, Environment), Error> {
     let sun = Light::Sun(Sun {
-        to_light: Vec3::new(0.35, 0.707, 0.62).normalize(),
-        irradiance: Vec3::new(3.1, 2.95, 2.7),
+        // Beside the default camera, so that it shows form.
+        to_light: Vec3::new(-0.02, 1.0, 1.0).normalize(),
+        irradiance: Vec3::new(4.0, 3.8, 3.4),
         angular_diameter: 0.0,
     });
     const WIDTH: usize = 4;
     const HEIGHT: usize = 64;
-    let zenith = Vec3::new(0.07, 0.17, 0.42);
+    let zenith = Vec3::new(0.09, 0.21, 0.5);
     let horizon = Vec3::new(0.42, 0.54, 0.68);
-    let ground = Vec3::new(0.17, 0.17, 0.17);
+    let ground = Vec3::new(0.24, 0.3, 0.38);
     let texels = (0..WIDTH * HEIGHT)
         .map(|i| {
             let polar = ((i / WIDTH) as f32 + 0.5) / HEIGHT as f32 * std::f32::consts::PI;

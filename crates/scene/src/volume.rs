@@ -15,12 +15,9 @@ use pileus_vdb::{GridClass, GridInfo, ValueType, Values, VdbFile};
 use crate::error::{Error, Place};
 use crate::uri::with_frame;
 use crate::volume_spec::{
-    AlbedoSpec, DensitySpec, HomogeneousSpec, InterpolationSpec, PhaseSpec, Rgb, TransformSpec,
-    UpAxis, VolumeSpec,
+    AlbedoSpec, DEFAULT_ALBEDO, DensitySpec, HomogeneousSpec, InterpolationSpec, PhaseSpec, Rgb,
+    TransformSpec, UpAxis, VolumeSpec,
 };
-
-/// Albedo of a volume that does not name one.
-pub const DEFAULT_ALBEDO: f64 = 0.999;
 
 /// A volume of the scene: a medium in world space and where it came from.
 #[derive(Debug, Clone)]
@@ -523,7 +520,7 @@ fn constant_albedo(rgb: Rgb, place: &dyn Fn(&str) -> Place) -> Result<[f32; 3], 
 }
 
 /// Median optical depth that [`automatic_scale`] aims at.
-pub const CLOUD_OPTICAL_DEPTH: f64 = 11.0;
+pub const CLOUD_OPTICAL_DEPTH: f64 = 16.0;
 
 /// The extinction per scene unit at grid value 1 that makes a volume look like a cloud.
 ///

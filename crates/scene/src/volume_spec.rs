@@ -8,6 +8,9 @@ use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::{self, MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
+/// Albedo of a volume that does not name one.
+pub const DEFAULT_ALBEDO: f64 = 0.999;
+
 /// One volume: grids of an OpenVDB file, or a homogeneous medium.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -26,28 +29,32 @@ pub struct VolumeSpec {
     /// Which grid gives the density and how much extinction it means.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub density: Option<DensitySpec>,
-    /// Extinction of the channels relative to each other; a number means grey. Default 1.
+    /// Extinction of the channels relative to each other; a number means grey.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("default" = 1))]
     pub extinction: Option<Rgb>,
-    /// Single-scattering albedo between 0 and 1: per channel, grey, or a grid. Default 0.999.
+    /// Single-scattering albedo between 0 and 1: per channel, grey, or a grid.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("default" = DEFAULT_ALBEDO))]
     pub albedo: Option<AlbedoSpec>,
-    /// The angular law of scattering. Default: isotropic.
+    /// The angular law of scattering.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("default" = {"type": "isotropic"}))]
     pub phase: Option<PhaseSpec>,
     /// Light that the medium gives off. Not rendered by this version: refused in a job, left out
     /// with a warning in glTF.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub emission: Option<EmissionSpec>,
-    /// How values between voxels are formed. Default `trilinear`.
+    /// How values between voxels are formed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("default" = "trilinear"))]
     pub interpolation: Option<InterpolationSpec>,
     /// Placement, applied after the grid's own transform (and after `up_axis`).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub transform: Option<TransformSpec>,
-    /// The axis that points up in the OpenVDB file; `z` maps its (x, y, z) to (x, z, -y). Default
-    /// `y`.
+    /// The axis that points up in the OpenVDB file; `z` maps its (x, y, z) to (x, z, -y).
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("default" = "y"))]
     pub up_axis: Option<UpAxis>,
     /// The same extinction everywhere instead of a grid.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -63,8 +70,9 @@ pub struct DensitySpec {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("examples" = ["density", "density[1]"]))]
     pub grid: Option<String>,
-    /// Extinction per scene unit where the grid has the value 1; at least 0. Default 1.
+    /// Extinction per scene unit where the grid has the value 1; at least 0.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("default" = 1))]
     pub scale: Option<f64>,
 }
 
@@ -117,22 +125,26 @@ pub enum EmissionSpec {
     Blackbody {
         /// Where the temperature comes from.
         temperature: TemperatureSpec,
-        /// Factor on the radiance. Default 1.
+        /// Factor on the radiance.
         #[serde(default, skip_serializing_if = "Option::is_none")]
+        #[schemars(extend("default" = 1))]
         intensity: Option<f64>,
-        /// Radiance scaled to luminance 1 before `intensity`. Default false: absolute.
+        /// Radiance scaled to luminance 1 before `intensity`; false is absolute.
         #[serde(default, skip_serializing_if = "Option::is_none")]
+        #[schemars(extend("default" = false))]
         normalised: Option<bool>,
     },
     /// Radiance added per scene unit: `scale * color * value`.
     Grid {
         /// Name of the grid.
         grid: String,
-        /// Linear Rec. 709. Default white.
+        /// Linear Rec. 709.
         #[serde(default, skip_serializing_if = "Option::is_none")]
+        #[schemars(extend("default" = [1, 1, 1]))]
         color: Option<Rgb>,
-        /// Factor. Default 1.
+        /// Factor.
         #[serde(default, skip_serializing_if = "Option::is_none")]
+        #[schemars(extend("default" = 1))]
         scale: Option<f64>,
     },
 }
@@ -143,11 +155,13 @@ pub enum EmissionSpec {
 pub struct TemperatureSpec {
     /// Name of the grid.
     pub grid: String,
-    /// Kelvin per grid unit. Default 1.
+    /// Kelvin per grid unit.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("default" = 1))]
     pub scale: Option<f64>,
-    /// Kelvin where the grid is 0. Default 0.
+    /// Kelvin where the grid is 0.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("default" = 0))]
     pub offset: Option<f64>,
 }
 
@@ -167,14 +181,17 @@ pub enum InterpolationSpec {
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TransformSpec {
-    /// Scene units. Default [0, 0, 0].
+    /// Scene units.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("default" = [0, 0, 0]))]
     pub translation: Option<[f64; 3]>,
-    /// Quaternion (x, y, z, w). Default [0, 0, 0, 1].
+    /// Quaternion (x, y, z, w).
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("default" = [0, 0, 0, 1]))]
     pub rotation: Option<[f64; 4]>,
-    /// Factors along the axes, none of them 0. Default [1, 1, 1].
+    /// Factors along the axes, none of them 0.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("default" = [1, 1, 1]))]
     pub scale: Option<[f64; 3]>,
 }
 
@@ -195,8 +212,9 @@ pub enum UpAxis {
 pub struct HomogeneousSpec {
     /// Extinction per scene unit, multiplied by `extinction`; at least 0.
     pub sigma_t: f64,
-    /// Lowest and highest corner of the box it fills; null fills space. Default null.
+    /// Lowest and highest corner of the box it fills; null fills space.
     #[serde(default)]
+    #[schemars(extend("default" = null))]
     pub bounds: Option<[[f64; 3]; 2]>,
 }
 
