@@ -520,7 +520,7 @@ fn constant_albedo(rgb: Rgb, place: &dyn Fn(&str) -> Place) -> Result<[f32; 3], 
 }
 
 /// Median optical depth that [`automatic_scale`] aims at.
-pub const CLOUD_OPTICAL_DEPTH: f64 = 16.0;
+pub const CLOUD_OPTICAL_DEPTH: f64 = 20.0;
 
 /// The extinction per scene unit at grid value 1 that makes a volume look like a cloud.
 ///
