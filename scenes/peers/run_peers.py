@@ -7,7 +7,7 @@
 
 A renderer takes part when its option is given. The jobs beside this file are the only description of the scenes: the
 peers' scene files are made from them. DIR holds mitsuba_render.py (with vdb_dump.py) and cycles_render.py.
-Run with a Python that has numpy and either OpenEXR or mitsuba (both read the images).
+Run with a Python that has numpy and OpenEXR.
 
 Every repeat renders every scene with every renderer, the order of renderers turning by one each time, so that a machine
 that slows down slows all of them. Repeat r uses seed SEED + r.
@@ -39,16 +39,7 @@ FIELDS = ("scene", "renderer", "version", "spp", "seconds", "relmse", "e_x_t", "
 
 def read_exr(path):
     """The R, G and B channels as float64, shape (height, width, 3)."""
-    try:
-        import OpenEXR
-    except ImportError:
-        import mitsuba as mi
-        if mi.variant() is None:
-            mi.set_variant("scalar_rgb")
-        bitmap = mi.Bitmap(str(path))
-        names = [bitmap.struct_()[i].name for i in range(bitmap.channel_count())]
-        data = np.array(bitmap.convert(component_format=mi.Struct.Type.Float32, srgb_gamma=False), dtype=np.float64)
-        return data[..., [names.index(c) for c in "RGB"]]
+    import OpenEXR
     with OpenEXR.File(str(path), separate_channels=True) as f:
         channels = f.channels()
         return np.stack([np.asarray(channels[c].pixels, dtype=np.float64) for c in "RGB"], axis=-1)

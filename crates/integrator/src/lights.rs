@@ -83,6 +83,8 @@ pub(crate) struct LightSample {
     pub(crate) weight: Vec3,
     /// Density of the direction, 1/sr, for lights that a path can also run into; zero for delta lights.
     pub(crate) pdf: f32,
+    /// Whether the direction may lie anywhere, so that the choice of the light did not know the phase function's value.
+    pub(crate) everywhere: bool,
 }
 
 /// All lights of a scene that shadow rays are sent to.
@@ -216,12 +218,14 @@ impl Lights {
                 distance: f64::INFINITY,
                 weight: *irradiance,
                 pdf: 0.0,
+                everywhere: false,
             }),
             Target::Disc(disc) => Some(LightSample {
                 wi: disc.sample(u),
                 distance: f64::INFINITY,
                 weight: disc.radiance / disc.pdf,
                 pdf: disc.pdf,
+                everywhere: false,
             }),
             Target::Position { light, position, .. } => {
                 let to = *position - p;
@@ -236,7 +240,7 @@ impl Lights {
                     _ => Vec3::ZERO,
                 };
                 let weight = (intensity.as_dvec3() / (distance * distance)).as_vec3();
-                Some(LightSample { wi, distance, weight, pdf: 0.0 })
+                Some(LightSample { wi, distance, weight, pdf: 0.0, everywhere: false })
             }
             Target::Image { image, .. } => {
                 let sample = image.sample(u)?;
@@ -245,6 +249,7 @@ impl Lights {
                     distance: f64::INFINITY,
                     weight: sample.radiance / sample.pdf,
                     pdf: sample.pdf,
+                    everywhere: true,
                 })
             }
         }

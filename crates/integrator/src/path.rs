@@ -11,6 +11,7 @@ use crate::media::{Flown, Media, Ray};
 use crate::sampler::PathSampler;
 use glam::{DVec3, Vec3};
 use pileus_film::PixelSample;
+use pileus_media::phase::ISOTROPIC;
 use pileus_media::random::uniform;
 use pileus_media::{Phase, Tally};
 use pileus_scene::Environment;
@@ -23,7 +24,7 @@ const ROULETTE_THROUGHPUT: f32 = 0.25;
 const SHADOW_IMPORTANCE: f32 = 1.0;
 
 /// Shadow walks whose product of transmittance and importance falls below this are played roulette.
-const SHADOW_ROULETTE: f32 = 0.1;
+const SHADOW_ROULETTE: f32 = 0.3;
 
 /// What a kernel is compiled for and what it reads.
 pub(crate) struct Kernel<'a, M> {
@@ -150,11 +151,6 @@ impl<M: Media> Kernel<'_, M> {
         let Some(choice) = self.lights.choose(at.p, phase, u[0]) else {
             return Vec3::ZERO;
         };
-        let importance = choice.importance * at.strongest;
-        let survive = (importance / SHADOW_IMPORTANCE).min(1.0);
-        if survive < 1.0 && u[1] >= survive {
-            return Vec3::ZERO;
-        }
         let direction = if MIS || self.lights.len() > 1 {
             [uniform(sampler), uniform(sampler)]
         } else {
@@ -164,6 +160,13 @@ impl<M: Media> Kernel<'_, M> {
             return Vec3::ZERO;
         };
         let value = phase(light.wi);
+        // The choice could not know where in an image the sample would lie; now it is known.
+        let aimed = if light.everywhere { value / ISOTROPIC } else { 1.0 };
+        let importance = choice.importance * at.strongest * aimed;
+        let survive = (importance / SHADOW_IMPORTANCE).min(1.0);
+        if survive < 1.0 && u[1] >= survive {
+            return Vec3::ZERO;
+        }
         counters.shadow_rays += 1;
         let ray = Ray { origin: at.p, direction: light.wi };
         let threshold = (SHADOW_ROULETTE / (importance / survive)).min(0.5);

@@ -12,6 +12,8 @@ use crate::job::{Job, OutputSpec};
 
 /// Mean cosine of clouds that are rendered from an OpenVDB file alone.
 const CLOUD_G: f64 = 0.8;
+/// Exposure of the preview, stops: the default sky is bright enough for a picture at this one.
+const DEFAULT_SKY_EXPOSURE: f32 = 0.5;
 /// Largest job file.
 const MAX_JOB: u64 = 64 << 20;
 
@@ -114,6 +116,7 @@ impl Input {
                         output: Some(OutputSpec {
                             image: Some(format!("{stem}.exr")),
                             preview: Some(format!("{stem}.png")),
+                            exposure: Some(DEFAULT_SKY_EXPOSURE),
                             ..OutputSpec::default()
                         }),
                         ..Job::default()

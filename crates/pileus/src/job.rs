@@ -236,10 +236,19 @@ pub struct OutputSpec {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("examples" = ["cloud.exr"]))]
     pub image: Option<String>,
-    /// A PNG to look at, tone-mapped. Default: none.
+    /// Store the image's colours and alpha as 16-bit floats: half the size, values beyond 65504 are clamped and counted. The
+    /// variance stays 32-bit.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("default" = false))]
+    pub half: Option<bool>,
+    /// A PNG to look at, tone-mapped by a filmic curve. Default: none. With `-o` on the command line it follows the image.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("examples" = ["cloud.png"]))]
     pub preview: Option<String>,
+    /// Exposure of the preview in stops: radiance is multiplied by `2^exposure` before the curve.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("default" = 0.0))]
+    pub exposure: Option<f32>,
     /// Counters and times as JSON. Default: the image's path with `.stats.json`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("examples" = ["cloud.stats.json"]))]

@@ -49,8 +49,12 @@ pub struct Overrides {
 pub struct Outputs {
     /// The EXR image.
     pub image: PathBuf,
+    /// Whether colours and alpha are stored as 16-bit floats.
+    pub half: bool,
     /// The PNG preview.
     pub preview: Option<PathBuf>,
+    /// Exposure of the preview, stops.
+    pub exposure: f32,
     /// Counters and times.
     pub stats: PathBuf,
 }
@@ -295,10 +299,8 @@ fn outputs(
     }
     let preview = match (&overrides.preview, &output.preview, &overrides.image) {
         (Some(path), ..) => Some(path.clone()),
-        // A job made up for a file has no preview of its own choice: it follows the image.
-        (None, Some(_), Some(_)) if matches!(places, Places::File(_)) => {
-            Some(image.with_extension("png"))
-        }
+        // An image that goes elsewhere takes its preview along.
+        (None, Some(_), Some(_)) => Some(image.with_extension("png")),
         (None, name, _) => name.as_ref().map(|name| base.join(name)),
     };
     if let Some(preview) = preview.as_ref().filter(|path| !has_extension(path, "png")) {
@@ -312,7 +314,12 @@ fn outputs(
         Some(name) => base.join(name),
         None => image.with_extension("stats.json"),
     };
-    Ok(Outputs { image, preview, stats })
+    let exposure = output.exposure.unwrap_or(0.0);
+    if !(exposure.abs() <= 64.0) {
+        let what = format!("the exposure is {exposure} stops");
+        return Err(places.invalid("/output/exposure", what, "use -64 to 64"));
+    }
+    Ok(Outputs { image, half: output.half.unwrap_or(false), preview, exposure, stats })
 }
 
 fn has_extension(path: &Path, wanted: &str) -> bool {

@@ -8,22 +8,22 @@ use crate::environment::{Environment, EnvironmentImage};
 use crate::error::Error;
 use crate::light::{Light, Sun};
 
-/// A clear day: a warm sun 45 degrees above the horizon and a blue gradient with a pale horizon.
+/// A clear day: a warm sun 49 degrees above the horizon and a blue gradient with a pale horizon.
 ///
 /// Nothing physical is claimed for it; it makes a cloud look like one. The sun's irradiance is
-/// about 4, the sky's radiance between 0.1 and 0.7.
+/// about 6, the sky's radiance between 0.03 and 0.6.
 pub fn default_sky() -> Result<(Light, Environment), Error> {
     let sun = Light::Sun(Sun {
         // Beside the default camera, so that it shows form.
-        to_light: Vec3::new(-0.02, 1.0, 1.0).normalize(),
-        irradiance: Vec3::new(4.0, 3.8, 3.4),
+        to_light: Vec3::new(-0.45, 1.0, 0.75).normalize(),
+        irradiance: Vec3::new(6.0, 5.6, 4.9),
         angular_diameter: 0.0,
     });
     const WIDTH: usize = 4;
     const HEIGHT: usize = 64;
-    let zenith = Vec3::new(0.09, 0.21, 0.5);
-    let horizon = Vec3::new(0.42, 0.54, 0.68);
-    let ground = Vec3::new(0.24, 0.3, 0.38);
+    let zenith = Vec3::new(0.03, 0.1, 0.36);
+    let horizon = Vec3::new(0.22, 0.36, 0.6);
+    let ground = Vec3::new(0.1, 0.13, 0.17);
     let texels = (0..WIDTH * HEIGHT)
         .map(|i| {
             let polar = ((i / WIDTH) as f32 + 0.5) / HEIGHT as f32 * std::f32::consts::PI;
@@ -31,7 +31,7 @@ pub fn default_sky() -> Result<(Light, Environment), Error> {
             let colour = if up >= 0.0 {
                 horizon.lerp(zenith, 1.0 - (1.0 - up).powi(3))
             } else {
-                horizon.lerp(ground, 1.0 - (1.0 + up).powi(6))
+                horizon.lerp(ground, 1.0 - (1.0 + up).powi(4))
             };
             colour.to_array()
         })

@@ -28,7 +28,16 @@ impl Half {
     pub const ZERO: Half = Half(0);
 
     /// The half that equals `value` exactly, if there is one and it is finite and not negative.
+    #[inline]
     pub fn exact(value: f32) -> Option<Half> {
+        let bits = value.to_bits();
+        // Normal halves: exponent -14 to 15 and ten bits of mantissa.
+        if (0x3880_0000..0x4780_0000).contains(&bits) {
+            return (bits & 0x1fff == 0).then_some(Half(((bits - 0x3800_0000) >> 13) as u16));
+        }
+        if bits == 0 {
+            return Some(Half::ZERO);
+        }
         let half = half::f16::from_f32(value);
         let exact = half.to_f32() == value && value.is_finite() && value >= 0.0;
         exact.then(|| Half(half.to_bits() & 0x7fff))

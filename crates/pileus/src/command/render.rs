@@ -73,15 +73,19 @@ pub(crate) fn run(options: &RenderOptions, report: &Report) -> Result<(), Failur
     let mut image = film.image();
     image.add_layer("variance", &film.variance())?;
     let exr = ExrSettings {
-        half: false,
+        half: settings.outputs.half,
         parallel: rayon::current_num_threads() > 1,
         metadata: metadata(&settings, &plan, &counters, film.samples(), &job_hash),
         ..ExrSettings::default()
     };
     let outputs = &settings.outputs;
-    write_exr(&outputs.image, &image, &exr)?;
+    let written = write_exr(&outputs.image, &image, &exr)?;
+    if written.half_clamped > 0 {
+        tracing::warn!("{} values exceed 65504 and are clamped: write 32-bit floats", written.half_clamped);
+    }
     if let Some(preview) = &outputs.preview {
-        write_png(preview, &image, &ToneMap::default())?;
+        let tone = ToneMap { exposure_stops: outputs.exposure, ..ToneMap::default() };
+        write_png(preview, &image, &tone)?;
     }
     seconds.write = writing.elapsed().as_secs_f64();
     seconds.total = start.elapsed().as_secs_f64();
