@@ -58,14 +58,16 @@ impl<M: Media> Kernel<'_, M> {
         let mut radiance = Vec3::ZERO;
         let mut beta = Vec3::ONE;
         let mut bounces = 0u32;
-        let mut first = Some(pileus_media::random::exponential_from((first * 4_294_967_296.0) as u32));
+        let mut first =
+            Some(pileus_media::random::exponential_from((first * 4_294_967_296.0) as u32));
         let mut vertex: Option<Vertex> = None;
         loop {
             let mut flown = Flown { beta, null_probability: 1.0 };
             let collision = self.media.flight(&ray, first.take(), &mut flown, sampler, &mut tally);
             beta = flown.beta;
             let Some(collision) = collision else {
-                radiance += beta * self.escape::<MIS>(&ray, vertex.as_ref(), flown.null_probability);
+                radiance +=
+                    beta * self.escape::<MIS>(&ray, vertex.as_ref(), flown.null_probability);
                 break;
             };
             if bounces >= self.max_bounces {
@@ -89,7 +91,13 @@ impl<M: Media> Kernel<'_, M> {
             };
             if !self.lights.is_empty() {
                 let shadow = Shading { p, direction: ray.direction, phase, beta, strongest };
-                radiance += self.next_event::<MIS>(&shadow, [u_light, u_shadow], sampler, &mut tally, counters);
+                radiance += self.next_event::<MIS>(
+                    &shadow,
+                    [u_light, u_shadow],
+                    sampler,
+                    &mut tally,
+                    counters,
+                );
             }
             if strongest < ROULETTE_THROUGHPUT {
                 let survive = strongest / ROULETTE_THROUGHPUT;
@@ -113,7 +121,12 @@ impl<M: Media> Kernel<'_, M> {
 
     /// Radiance from infinity along an escaping ray, weighted against shadow rays where they cover it.
     #[inline(always)]
-    fn escape<const MIS: bool>(&self, ray: &Ray, vertex: Option<&Vertex>, null_probability: f32) -> Vec3 {
+    fn escape<const MIS: bool>(
+        &self,
+        ray: &Ray,
+        vertex: Option<&Vertex>,
+        null_probability: f32,
+    ) -> Vec3 {
         if !MIS {
             return self.environment.radiance(ray.direction);
         }

@@ -76,11 +76,8 @@ impl Plan {
             remedy: "correct film.filter".into(),
         })?;
         let mut reasons = Vec::new();
-        let volumes: Vec<PlannedVolume> = scene
-            .volumes
-            .iter()
-            .map(|volume| describe(&volume.name, &volume.medium))
-            .collect();
+        let volumes: Vec<PlannedVolume> =
+            scene.volumes.iter().map(|volume| describe(&volume.name, &volume.medium)).collect();
         let grids = scene.volumes.iter().filter(|v| matches!(*v.medium, Medium::Grid(_))).count();
         let grey = volumes.iter().all(|v| v.grey);
         let kernel = match volumes.len() {
@@ -125,7 +122,10 @@ impl Plan {
         }
         let transmittance = match settings.transmittance {
             Transmittance::Auto => {
-                reasons.push("transmittance by ratio tracking: unbiased, never noisier than delta tracking".into());
+                reasons.push(
+                    "transmittance by ratio tracking: unbiased, never noisier than delta tracking"
+                        .into(),
+                );
                 Transmittance::Ratio
             }
             chosen => chosen,
@@ -200,7 +200,12 @@ impl fmt::Display for Plan {
         writeln!(f, "distance       {}", self.distance.name())?;
         writeln!(f, "transmittance  {}", self.transmittance.name())?;
         writeln!(f, "majorants      {}", self.majorants)?;
-        writeln!(f, "shadow rays    to {} lights{}", self.shadow_ray_lights, if self.mis { ", weighted" } else { "" })?;
+        writeln!(
+            f,
+            "shadow rays    to {} lights{}",
+            self.shadow_ray_lights,
+            if self.mis { ", weighted" } else { "" }
+        )?;
         match self.max_bounces {
             Some(n) => writeln!(f, "bounces        at most {n}: longer paths are cut (biased)")?,
             None => writeln!(f, "bounces        unlimited")?,

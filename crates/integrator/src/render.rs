@@ -84,7 +84,14 @@ pub fn sample_pixel(
         type Output = PixelSample;
         fn run<M: Media, const MIS: bool>(&mut self, kernel: &Kernel<'_, M>) -> PixelSample {
             let mut counters = Counters::default();
-            trace::<M, MIS>(kernel, self.scene, self.settings, self.pixel, self.sample, &mut counters)
+            trace::<M, MIS>(
+                kernel,
+                self.scene,
+                self.settings,
+                self.pixel,
+                self.sample,
+                &mut counters,
+            )
         }
     }
     let lights = Lights::new(scene, settings.light_sampling);
@@ -110,7 +117,15 @@ fn dispatch<J: Job>(
     let max_bounces = settings.max_bounces.unwrap_or(u32::MAX);
     if let (KernelKind::SingleGrey, [medium]) = (plan.kernel, media.as_slice()) {
         if let Medium::Grid(medium) = &**medium {
-            return medium.with_voxels(Single { medium, delta, scene, lights, max_bounces, mis: plan.mis, job });
+            return medium.with_voxels(Single {
+                medium,
+                delta,
+                scene,
+                lights,
+                max_bounces,
+                mis: plan.mis,
+                job,
+            });
         }
     }
     let kernel = Kernel {
@@ -142,11 +157,7 @@ impl<J: Job> VoxelKernel for Single<'_, J> {
             environment: &self.scene.environment,
             max_bounces: self.max_bounces,
         };
-        if self.mis {
-            self.job.run::<_, true>(&kernel)
-        } else {
-            self.job.run::<_, false>(&kernel)
-        }
+        if self.mis { self.job.run::<_, true>(&kernel) } else { self.job.run::<_, false>(&kernel) }
     }
 }
 
@@ -163,10 +174,8 @@ fn trace<M: Media, const MIS: bool>(
     let mut sampler = PathSampler::new(settings.seed, x, y, sample);
     let [u, v, first, _] = sampler.stratified(0);
     let offset = settings.filter.sample([u, v]);
-    let film = [
-        f64::from(x) + 0.5 + f64::from(offset[0]),
-        f64::from(y) + 0.5 + f64::from(offset[1]),
-    ];
+    let film =
+        [f64::from(x) + 0.5 + f64::from(offset[0]), f64::from(y) + 0.5 + f64::from(offset[1])];
     let (origin, direction) = scene.camera.ray(film);
     kernel.trace::<MIS>(Ray { origin, direction }, &mut sampler, first, counters)
 }

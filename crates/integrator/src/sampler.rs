@@ -70,7 +70,8 @@ mod tests {
     fn streams_differ_and_repeat() {
         let first = |x, y, s| PathSampler::new(1, x, y, s).next_u32();
         assert_eq!(first(3, 4, 5), first(3, 4, 5));
-        let mut seen: Vec<u32> = (0..1000).map(|i| first(i % 10, i / 100, u64::from(i / 10 % 10))).collect();
+        let mut seen: Vec<u32> =
+            (0..1000).map(|i| first(i % 10, i / 100, u64::from(i / 10 % 10))).collect();
         seen.sort_unstable();
         seen.dedup();
         assert!(seen.len() >= 999);

@@ -88,7 +88,9 @@ fn benches(c: &mut Criterion) {
     });
     group.finish();
 
-    for (name, scale) in [("cumulus.vdb", 0.4), ("cumulus_small.vdb", 0.4), ("arnold_smoke.vdb", 1.19)] {
+    for (name, scale) in
+        [("cumulus.vdb", 0.4), ("cumulus_small.vdb", 0.4), ("arnold_smoke.vdb", 1.19)]
+    {
         let medium = medium(name, scale);
         let mut rng = Pcg32::new(3, 3);
         let rays: Vec<_> = (0..4096)

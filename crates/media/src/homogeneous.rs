@@ -2,7 +2,7 @@
 
 use crate::Error;
 use crate::field::{MajorantSegment, RayField};
-use crate::medium::check_albedo;
+use crate::medium::{check_albedo, strongest_and_relative};
 use crate::phase::Phase;
 use glam::{DVec3, Vec3};
 
@@ -42,9 +42,7 @@ impl HomogeneousMedium {
                 ));
             }
         }
-        let scale = sigma_t[0].max(sigma_t[1]).max(sigma_t[2]);
-        let relative =
-            if scale > 0.0 { Vec3::from_array(sigma_t) / scale } else { Vec3::ONE };
+        let (scale, relative) = strongest_and_relative(sigma_t);
         Ok(HomogeneousMedium { scale, relative, bounds, albedo: Vec3::from_array(albedo), phase })
     }
 

@@ -60,7 +60,10 @@ impl GridMedium {
     ) -> Result<GridMedium, Error> {
         if grid.background() != 0.0 {
             return Err(Error::unsupported(
-                format!("the grid's background is {}, so that it fills all space", grid.background()),
+                format!(
+                    "the grid's background is {}, so that it fills all space",
+                    grid.background()
+                ),
                 "set the background to 0 and add a homogeneous volume for what lies around",
             ));
         }
@@ -73,7 +76,7 @@ impl GridMedium {
         if let Albedo::Constant(albedo) = &albedo {
             check_albedo(albedo)?;
         }
-        let scale = sigma_t[0].max(sigma_t[1]).max(sigma_t[2]);
+        let (scale, relative) = strongest_and_relative(sigma_t);
         // Flights divide by the majorant and multiply it with cell sizes: keep both far from overflow.
         if !(f64::from(scale) * f64::from(grid.range().1) < 1e30) {
             return Err(Error::invalid(
@@ -91,8 +94,6 @@ impl GridMedium {
                 "check the scale of the grid, the node and the job",
             ));
         }
-        let relative =
-            if scale > 0.0 { Vec3::from_array(sigma_t) / scale } else { Vec3::ONE };
         Ok(GridMedium {
             grid,
             scale,
@@ -181,7 +182,13 @@ impl GridMedium {
 
     /// Clips local ray `o + t d` to the support.
     #[inline(always)]
-    pub(crate) fn clip_local(&self, o: DVec3, d: DVec3, t_min: f64, t_max: f64) -> Option<(f64, f64)> {
+    pub(crate) fn clip_local(
+        &self,
+        o: DVec3,
+        d: DVec3,
+        t_min: f64,
+        t_max: f64,
+    ) -> Option<(f64, f64)> {
         let [low, high] = self.support();
         let (mut t0, mut t1) = (t_min, t_max);
         for axis in 0..3 {
@@ -282,6 +289,13 @@ impl RayField for AnyGridRay<'_> {
             AnyGridRay::Single(ray) => ray.steps(),
         }
     }
+}
+
+/// The strongest channel's extinction, and all channels relative to it.
+pub(crate) fn strongest_and_relative(sigma_t: [f32; 3]) -> (f32, Vec3) {
+    let sigma_t = Vec3::from_array(sigma_t);
+    let scale = sigma_t.max_element();
+    (scale, if scale > 0.0 { sigma_t / scale } else { Vec3::ONE })
 }
 
 pub(crate) fn check_albedo(albedo: &[f32; 3]) -> Result<(), Error> {

@@ -55,13 +55,15 @@ impl Phase {
     #[inline(always)]
     pub fn sample(&self, direction: Vec3, u: [f32; 2]) -> (Vec3, f32) {
         let (cos_theta, sin_theta, pdf) = match *self {
-            Phase::Isotropic => {
-                (1.0 - 2.0 * u[0], 2.0 * (u[0] * (1.0 - u[0])).sqrt(), ISOTROPIC)
-            }
+            Phase::Isotropic => (1.0 - 2.0 * u[0], 2.0 * (u[0] * (1.0 - u[0])).sqrt(), ISOTROPIC),
             Phase::HenyeyGreenstein { g } => {
                 let one_minus = henyey_greenstein_one_minus_cos(g.abs(), u[0]);
                 let sin = (one_minus * (2.0 - one_minus)).sqrt();
-                ((1.0 - one_minus).copysign((1.0 - one_minus) * g), sin, henyey_greenstein(g.abs(), one_minus))
+                (
+                    (1.0 - one_minus).copysign((1.0 - one_minus) * g),
+                    sin,
+                    henyey_greenstein(g.abs(), one_minus),
+                )
             }
         };
         let (sin_phi, cos_phi) = sin_cos_turn(u[1]);

@@ -38,11 +38,7 @@ fn all_trees() -> Vec<(String, Tree<f32>)> {
 }
 
 fn point_in(low: DVec3, high: DVec3, rng: &mut Pcg32) -> DVec3 {
-    let u = DVec3::new(
-        f64::from(uniform(rng)),
-        f64::from(uniform(rng)),
-        f64::from(uniform(rng)),
-    );
+    let u = DVec3::new(f64::from(uniform(rng)), f64::from(uniform(rng)), f64::from(uniform(rng)));
     low + (high - low) * u
 }
 
@@ -90,13 +86,23 @@ fn interpolation_is_openvdbs() {
             }
             let value = grid.interpolate(p);
             let tolerance = 1e-12 * f64::from(grid.range().1).max(1e-30);
-            assert!((value - expected).abs() <= tolerance.max(1e-12 * expected), "{name} at {p}: {value} {expected}");
+            assert!(
+                (value - expected).abs() <= tolerance.max(1e-12 * expected),
+                "{name} at {p}: {value} {expected}"
+            );
         }
     }
 }
 
 /// Walks a ray; checks that segments tile it, that no lookup leaves its bounds and that what lies between segments is empty.
-fn check_ray(name: &str, medium: &GridMedium, origin: DVec3, direction: Vec3, t_max: f64, rng: &mut Pcg32) {
+fn check_ray(
+    name: &str,
+    medium: &GridMedium,
+    origin: DVec3,
+    direction: Vec3,
+    t_max: f64,
+    rng: &mut Pcg32,
+) {
     let Some(span) = medium.span(origin, direction, t_max) else { return };
     let mut ray = medium.any_ray(&span);
     let mut t = 0.0f32;
@@ -161,10 +167,16 @@ fn bounds_hold_and_segments_tile_on_all_assets() {
                         1 => (from, to - from),
                         // Along an axis through the interior, on a lattice face, on a lattice edge.
                         2 => (from, DVec3::AXES[kind / 6 % 3]),
-                        3 => (from.with_x(from.x.round()), DVec3::new(0.0, to.y - from.y, to.z - from.z)),
+                        3 => (
+                            from.with_x(from.x.round()),
+                            DVec3::new(0.0, to.y - from.y, to.z - from.z),
+                        ),
                         4 => (from.round() - DVec3::Z * 2.0 * size, DVec3::Z),
                         // Through corners, diagonally.
-                        _ => (from.round(), DVec3::new(1.0, -1.0, if kind % 4 == 1 { 1.0 } else { -1.0 })),
+                        _ => (
+                            from.round(),
+                            DVec3::new(1.0, -1.0, if kind % 4 == 1 { 1.0 } else { -1.0 }),
+                        ),
                     };
                     if direction.length() < 1e-9 {
                         continue;

@@ -3,7 +3,9 @@
 mod common;
 
 use glam::DVec3;
-use pileus_media::transmittance::{delta_transmittance, ratio_tracking, ratio_tracking_with_roulette};
+use pileus_media::transmittance::{
+    delta_transmittance, ratio_tracking, ratio_tracking_with_roulette,
+};
 use pileus_media::{Tally, TentativeCollisions, optical_depth};
 use rand_pcg::Pcg32;
 use serde_json::Value;
@@ -87,8 +89,7 @@ fn trackers_are_unbiased_on_every_ray() {
             )
             .unwrap();
             let origin = ray.origin + ray.direction * ray.t_min;
-            let Some(span) =
-                medium.span(origin, ray.direction.as_vec3(), ray.t_max - ray.t_min)
+            let Some(span) = medium.span(origin, ray.direction.as_vec3(), ray.t_max - ray.t_min)
             else {
                 panic!("{name} ray {index}: depth {} but no span", ray.tau);
             };
@@ -116,9 +117,16 @@ fn trackers_are_unbiased_on_every_ray() {
                 let variance = (squares / n - mean * mean).max(0.0) / n + 1e-12 * exact * exact;
                 // A delta tracker that never saw an event has no variance of its own: take the exact one.
                 let bernoulli = exact * (1.0 - exact) / n;
-                let variance = if estimator == "delta" { bernoulli + 1e-14 } else { variance.max(1e-3 * bernoulli) };
+                let variance = if estimator == "delta" {
+                    bernoulli + 1e-14
+                } else {
+                    variance.max(1e-3 * bernoulli)
+                };
                 let z = (mean - exact) / variance.sqrt();
-                assert!(z.abs() < 6.5, "{name} ray {index} {estimator}: z {z:.2}, mean {mean}, exact {exact}");
+                assert!(
+                    z.abs() < 6.5,
+                    "{name} ray {index} {estimator}: z {z:.2}, mean {mean}, exact {exact}"
+                );
             }
             tested += 1;
         }

@@ -51,7 +51,8 @@ pub(crate) struct Shadow {
 }
 
 impl Shadow {
-    pub(crate) const CLEAR: Shadow = Shadow { transmittance: Vec3::ONE, null_probability: Vec3::ONE };
+    pub(crate) const CLEAR: Shadow =
+        Shadow { transmittance: Vec3::ONE, null_probability: Vec3::ONE };
 }
 
 /// All media of a scene.

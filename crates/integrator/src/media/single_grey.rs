@@ -34,7 +34,11 @@ impl<V: Voxel> Media for SingleGrey<'_, V> {
         let nulls = &mut flown.null_probability;
         // Delta-tracked shadow rays stop with the same probabilities: they cancel.
         let count = !self.delta;
-        match delta_tracking(walk, rng, tally, |p| if count { *nulls *= p }) {
+        match delta_tracking(walk, rng, tally, |p| {
+            if count {
+                *nulls *= p
+            }
+        }) {
             Flight::Collision(t) => Some(Collision { t: span.t_enter + f64::from(t), medium: 0 }),
             Flight::Escape => None,
         }

@@ -2,4 +2,4 @@
 
 mod delta;
 
-pub use delta::{delta_tracking, Flight};
+pub use delta::{Flight, delta_tracking};

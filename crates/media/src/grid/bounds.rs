@@ -102,7 +102,12 @@ pub(super) fn fill_entry_ranges(
     }
 }
 
-fn table_range(topology: &Topology, entries: &[Entry], entry_min: &[f32], table: u32) -> (f32, f32) {
+fn table_range(
+    topology: &Topology,
+    entries: &[Entry],
+    entry_min: &[f32],
+    table: u32,
+) -> (f32, f32) {
     let last = topology.root_entries
         + table as usize * NODE_ENTRIES
         + NODE_LEVEL_OFFSETS[NODE_LEVEL_OFFSETS.len() - 1];

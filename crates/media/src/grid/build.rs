@@ -110,9 +110,7 @@ impl VoxelGrid {
         }
 
         let voxels = if half {
-            Voxels::Half(fill(tree, &sources, &bricks, |v| {
-                Half::exact(v).unwrap_or(Half::ZERO)
-            }))
+            Voxels::Half(fill(tree, &sources, &bricks, |v| Half::exact(v).unwrap_or(Half::ZERO)))
         } else {
             Voxels::Single(fill(tree, &sources, &bricks, |v| v))
         };
@@ -413,9 +411,7 @@ fn gather<V: Copy>(
             }
             brick[row + 8] = match around[corner | 1].constant() {
                 Some(c) => store(sources.constants[c as usize]),
-                None => {
-                    store(sanitise(tree.leaf_values(around[corner | 1].0 as usize)[inner]))
-                }
+                None => store(sanitise(tree.leaf_values(around[corner | 1].0 as usize)[inner])),
             };
         }
     }

@@ -9,8 +9,8 @@ mod voxel;
 
 pub use build::{BuildReport, VoxelGridOptions};
 pub(crate) use topology::{BRICK_LOG2, Entry, Topology, entry_index};
-pub(crate) use view::sub_cell;
 pub use view::GridView;
+pub(crate) use view::sub_cell;
 pub use voxel::{Half, Voxel};
 
 use glam::DVec3;

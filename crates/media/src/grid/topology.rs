@@ -112,7 +112,12 @@ impl RootLevel {
 
 /// Index of the entry of `ijk`'s cell of `2^log2` voxels; within a child table for cells finer than the root's.
 #[inline(always)]
-pub(crate) fn entry_index(topology: &Topology, entries: &[Entry], ijk: [i32; 3], log2: u32) -> usize {
+pub(crate) fn entry_index(
+    topology: &Topology,
+    entries: &[Entry],
+    ijk: [i32; 3],
+    log2: u32,
+) -> usize {
     if log2 >= topology.root_log2 {
         return topology.levels[(log2 - topology.root_log2) as usize].index(ijk.map(|c| c >> log2));
     }

@@ -81,7 +81,10 @@ pub(crate) fn run(options: &RenderOptions, report: &Report) -> Result<(), Failur
     let outputs = &settings.outputs;
     let written = write_exr(&outputs.image, &image, &exr)?;
     if written.half_clamped > 0 {
-        tracing::warn!("{} values exceed 65504 and are clamped: write 32-bit floats", written.half_clamped);
+        tracing::warn!(
+            "{} values exceed 65504 and are clamped: write 32-bit floats",
+            written.half_clamped
+        );
     }
     if let Some(preview) = &outputs.preview {
         let tone = ToneMap { exposure_stops: outputs.exposure, ..ToneMap::default() };
