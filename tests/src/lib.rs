@@ -51,6 +51,22 @@ pub fn cube_grid(half: f64, sigma_t: [f32; 3], albedo: [f32; 3], phase: Phase) -
     grid_medium(&tree, Interpolation::Nearest, index_to_world, sigma_t, albedo, phase)
 }
 
+/// A cube of edge `2 half` around the origin whose voxels differ wildly from their neighbours: most tentative collisions are null.
+pub fn lumpy_grid(half: f64, sigma_t: [f32; 3], albedo: [f32; 3], phase: Phase) -> Medium {
+    // Values 0.1 to 3, skewed, from a hash of the voxel's number; mean about 0.8.
+    let values: Vec<f32> = (0..16u32.pow(3))
+        .map(|i| {
+            let hash = i.wrapping_mul(2_654_435_761).rotate_left(13).wrapping_mul(2_246_822_519);
+            let u = (hash >> 8) as f32 / 16_777_216.0;
+            0.1 + 2.9 * u * u * u
+        })
+        .collect();
+    let tree = Tree::from_dense(0.0f32, [0; 3], [16; 3], &values);
+    let scale = DAffine3::from_scale(DVec3::splat(half / 8.0));
+    let index_to_world = scale * DAffine3::from_translation(DVec3::splat(-7.5));
+    grid_medium(&tree, Interpolation::Trilinear, index_to_world, sigma_t, albedo, phase)
+}
+
 /// The same cube as a homogeneous medium.
 pub fn cube_homogeneous(half: f64, sigma_t: [f32; 3], albedo: [f32; 3], phase: Phase) -> Medium {
     let bounds = Some((DVec3::splat(-half), DVec3::splat(half)));

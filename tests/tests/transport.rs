@@ -72,7 +72,7 @@ fn white_furnace_of_two_half_skies_with_all_techniques() {
             let mut total: Vec<f64> = Vec::new();
             let mut variance: Vec<f64> = Vec::new();
             for half in [false, true] {
-                let medium = cube_grid(1.0, extinction, [1.0; 3], hg(g));
+                let medium = lumpy_grid(1.0, extinction, [1.0; 3], hg(g));
                 let mut scene = scene(vec![medium], EYE, DVec3::ZERO, 40.0);
                 let texels: Vec<[f32; 3]> = (0..64 * 32)
                     .map(|i| if (i % 64 < 32) == half { [1.0; 3] } else { [0.0; 3] })
@@ -81,6 +81,7 @@ fn white_furnace_of_two_half_skies_with_all_techniques() {
                 scene.environment.image = Some(Arc::new(image));
                 let result = rendered(&scene, &settings(256, 31 + k as u64));
                 assert!(result.counters.shadow_rays > 0);
+                assert!(result.counters.null_collisions > result.counters.collisions);
                 for c in ["R", "G", "B"] {
                     let mean = result.image.channel(c).unwrap();
                     let var = result.variance.channel(c).unwrap();
@@ -303,11 +304,11 @@ fn shadow_rays_and_paths_agree_with_paths_alone() {
             .collect();
         Some(Arc::new(EnvironmentImage::new(64, 32, texels, 1.0, rotation.into()).unwrap()))
     };
-    let single = |extinction| vec![cube_grid(1.0, extinction, [0.9, 0.8, 0.7], hg(0.7))];
+    let single = |extinction| vec![lumpy_grid(1.0, extinction, [0.9, 0.8, 0.7], hg(0.7))];
     let several = |extinction: [f32; 3]| {
         vec![
-            cube_grid(1.0, extinction, [0.9, 0.8, 0.7], hg(0.7)),
-            cube_grid(0.6, [1.0, 2.0, 0.0], [0.5, 0.99, 0.7], hg(-0.3)),
+            lumpy_grid(1.0, extinction, [0.9, 0.8, 0.7], hg(0.7)),
+            lumpy_grid(0.6, [1.0, 2.0, 0.0], [0.5, 0.99, 0.7], hg(-0.3)),
             cube_homogeneous(1.5, [0.3; 3], [0.99; 3], Phase::Isotropic),
         ]
     };
@@ -335,6 +336,7 @@ fn shadow_rays_and_paths_agree_with_paths_alone() {
                 scene.environment.image = image(25.0);
             }
             let both = rendered(&scene, &settings(256, 7));
+            assert!(both.counters.null_collisions > both.counters.collisions / 2);
             for transmittance in [Transmittance::Ratio, Transmittance::Delta] {
                 let paths =
                     RenderSettings { light_sampling: LightSampling::Paths, ..settings(512, 8) };

@@ -141,8 +141,11 @@ impl Media for Overlapping<'_> {
                 break Some(Collision { t: walker.t(), medium: walker.medium });
             }
             tally.null_collisions += 1;
+            // Delta-tracked shadow rays decide at the same collisions: their weights leave the nulls out, and so do these.
             flown.beta *= (Vec3::ONE - real) / (1.0 - probability);
-            flown.null_probability *= 1.0 - probability;
+            if !self.delta {
+                flown.null_probability *= 1.0 - probability;
+            }
             walker.next = walker.walk.next(rng);
         };
         for walker in &walkers {
