@@ -129,7 +129,7 @@ pub fn settings(spp: u64, seed: u64) -> RenderSettings {
 /// Tests that two renders have the same expectation.
 ///
 /// Null hypothesis: they do. Blocks of 16 x 16 pixels make a normal mean; Bonferroni over blocks, channels and statistics. Fails by
-/// chance with probability below 1e-7 if the normal law holds.
+/// chance with probability below 1e-9 if the normal law holds.
 pub fn assert_same(what: &str, a: &Rendered, b: &Rendered) {
     let test = pileus_lab::block_z_test(&a.image, &a.variance, &b.image, &b.variance, 16);
     let test = test.expect("images of one size");
@@ -138,7 +138,7 @@ pub fn assert_same(what: &str, a: &Rendered, b: &Rendered) {
         test.p_value, test.max_abs_z, test.chi2, test.dof
     );
     assert!(
-        test.p_value > 1e-7,
+        test.p_value > 1e-9,
         "{what}: p {:e}, max |z| {:.2}, chi2 {:?} of {:?}",
         test.p_value,
         test.max_abs_z,
@@ -166,7 +166,7 @@ pub fn assert_expected(what: &str, a: &Rendered, expected: impl Fn(u32, u32) -> 
         println!("  block {i} of {:?}: z {z:.2}", test.blocks);
     }
     assert!(
-        test.p_value > 1e-7,
+        test.p_value > 1e-9,
         "{what}: p {:e}, max |z| {:.2}, chi2 {:?}",
         test.p_value,
         test.max_abs_z,

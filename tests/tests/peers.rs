@@ -82,7 +82,7 @@ fn check(name: &str, spp: u64) {
         test.p_value, test.max_abs_z, test.chi2, test.dof
     );
     assert!(
-        test.p_value > 1e-7,
+        test.p_value > 1e-9,
         "{name}: p {:e}, max |z| {:.2}, chi2 {:?} of {:?}",
         test.p_value,
         test.max_abs_z,
