@@ -212,6 +212,10 @@ impl GridMedium {
     pub fn span(&self, origin: DVec3, direction: Vec3, t_max: f64) -> Option<Span> {
         let o = self.world_to_local.transform_point3(origin);
         let d = self.direction_to_local * direction;
+        // Also refuses NaN, which the clipping would pass over.
+        if !(d.length_squared() > 0.0) {
+            return None;
+        }
         let (t0, t1) = self.clip_local(o, d.as_dvec3(), 0.0, t_max)?;
         let p0 = (o + d.as_dvec3() * t0).as_vec3();
         Some(Span { t_enter: t0, length: (t1 - t0) as f32, p0, d })

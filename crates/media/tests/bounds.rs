@@ -108,13 +108,17 @@ fn check_ray(
     let mut t = 0.0f32;
     let mut checked = 0;
     let empty = |from: f32, to: f32, rng: &mut Pcg32| {
-        if to > from {
+        // Shorter gaps are what the rounding of positions to single precision leaves.
+        if to - from > 1e-5 * span.length {
             let t = from + (to - from) * uniform(rng);
             let p = origin + direction.as_dvec3() * (span.t_enter + f64::from(t));
             let value = medium.sigma_t_at(p);
             // Single precision may be off by some 1e-3 voxels at the ends of what was skipped.
             let bound = f64::from(medium.grid().range().1) * f64::from(medium.scale());
-            assert!(value <= 2e-2 * bound, "{name}: {value} in a skipped part");
+            assert!(
+                value <= 2e-2 * bound,
+                "{name}: {value} of {bound} at {t} of {from} to {to}, in a skipped part"
+            );
         }
     };
     while let Some(segment) = ray.next_segment() {

@@ -216,13 +216,23 @@ impl<V: Voxel> RayField for GridRay<'_, V> {
         // Inside the cell whatever rounding says, so that its bound holds.
         let p = (self.p0 + self.d * t).max(self.low).min(self.high);
         let size = 1i32 << self.log2;
-        let p = Vec3::from(p);
-        let ijk = [
+        let mut p = Vec3::from(p);
+        let mut ijk = [
             (p.x as i32).min(self.low_ijk[0] + size - 1),
             (p.y as i32).min(self.low_ijk[1] + size - 1),
             (p.z as i32).min(self.low_ijk[2] + size - 1),
         ];
-        let brick = if self.log2 <= BRICK_LOG2 { self.brick } else { self.view.brick(ijk) };
+        let brick = if self.log2 <= BRICK_LOG2 {
+            self.brick
+        } else {
+            // Cells larger than a brick may reach beyond the grid.
+            for axis in 0..3 {
+                let extent = self.view.topology.extent[axis];
+                ijk[axis] = ijk[axis].min(extent - 1);
+                p[axis] = p[axis].min(extent as f32);
+            }
+            self.view.brick(ijk)
+        };
         self.view.interpolate_in_brick(brick, ijk, p) * self.scale
     }
 
