@@ -1,4 +1,5 @@
 //! Scenes and statistics that the cross-crate tests share.
+#![allow(clippy::print_stdout, reason = "figures are worth reading beside a verdict")]
 
 use glam::{DAffine3, DVec3, Vec3};
 use pileus_film::{Film, Image};

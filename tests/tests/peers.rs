@@ -1,4 +1,5 @@
 //! The peers' scenes against their converged images.
+#![allow(clippy::print_stdout, reason = "figures are worth reading beside a verdict")]
 
 use glam::{DVec3, Vec3};
 use pileus_film::read_exr;

@@ -1,4 +1,5 @@
 //! Light transport against closed forms, quadrature and itself.
+#![allow(clippy::print_stdout, reason = "figures are worth reading beside a verdict")]
 
 use glam::{DVec3, Vec3};
 use pileus_film::Filter;

@@ -132,11 +132,11 @@ impl Lights {
                 _ => {}
             }
         }
-        if let Some(image) = &scene.environment.image {
-            if image.sampled_power() > 0.0 {
-                let strength = image.sampled_power();
-                targets.push(Target::Image { image: Arc::clone(image), strength });
-            }
+        if let Some(image) = &scene.environment.image
+            && image.sampled_power() > 0.0
+        {
+            let strength = image.sampled_power();
+            targets.push(Target::Image { image: Arc::clone(image), strength });
         }
         let mut paths_only = Vec::new();
         if sampling == LightSampling::Paths {

@@ -115,18 +115,18 @@ fn dispatch<J: Job>(
     let delta = plan.transmittance == Transmittance::Delta;
     let media: Vec<Arc<Medium>> = scene.volumes.iter().map(|v| Arc::clone(&v.medium)).collect();
     let max_bounces = settings.max_bounces.unwrap_or(u32::MAX);
-    if let (KernelKind::SingleGrey, [medium]) = (plan.kernel, media.as_slice()) {
-        if let Medium::Grid(medium) = &**medium {
-            return medium.with_voxels(Single {
-                medium,
-                delta,
-                scene,
-                lights,
-                max_bounces,
-                mis: plan.mis,
-                job,
-            });
-        }
+    if let (KernelKind::SingleGrey, [medium]) = (plan.kernel, media.as_slice())
+        && let Medium::Grid(medium) = &**medium
+    {
+        return medium.with_voxels(Single {
+            medium,
+            delta,
+            scene,
+            lights,
+            max_bounces,
+            mis: plan.mis,
+            job,
+        });
     }
     let kernel = Kernel {
         media: Overlapping { media: &media, delta },

@@ -34,13 +34,13 @@ impl HomogeneousMedium {
             ));
         }
         check_albedo(&albedo)?;
-        if let Some((low, high)) = bounds {
-            if !(low.is_finite() && high.is_finite() && low.cmplt(high).all()) {
-                return Err(Error::invalid(
-                    format!("the box {low} to {high} is empty or not finite"),
-                    "give the smaller corner first, or null to fill space",
-                ));
-            }
+        if let Some((low, high)) = bounds
+            && !(low.is_finite() && high.is_finite() && low.cmplt(high).all())
+        {
+            return Err(Error::invalid(
+                format!("the box {low} to {high} is empty or not finite"),
+                "give the smaller corner first, or null to fill space",
+            ));
         }
         let (scale, relative) = strongest_and_relative(sigma_t);
         Ok(HomogeneousMedium { scale, relative, bounds, albedo: Vec3::from_array(albedo), phase })
@@ -93,7 +93,7 @@ impl HomogeneousMedium {
                 t1 = t1.min(a.max(b));
             }
         }
-        (t0 < t1).then(|| (t0, (t1 - t0) as f32))
+        (t0 < t1).then_some((t0, (t1 - t0) as f32))
     }
 
     /// The ray field of a span of this length.

@@ -49,7 +49,7 @@ fn stored_values_are_the_trees() {
         let mut rng = Pcg32::new(5, 5);
         let clean = |v: f32| if v.is_finite() && v > 0.0 { v } else { 0.0 };
         for _ in 0..20_000 {
-            let ijk = if tree.leaves().is_empty() || rng.next_u32() % 8 == 0 {
+            let ijk = if tree.leaves().is_empty() || rng.next_u32().is_multiple_of(8) {
                 let corner = tree.tiles().first().map_or([0; 3], |t| t.origin);
                 corner.map(|c| c.wrapping_add((rng.next_u32() % 300) as i32 - 100))
             } else {

@@ -1,4 +1,5 @@
 //! Optical depths of random rays, known to 1e-10, against our trackers.
+#![allow(clippy::print_stdout, reason = "figures are worth reading beside a verdict")]
 
 mod common;
 

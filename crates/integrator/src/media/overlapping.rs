@@ -26,6 +26,7 @@ pub(crate) struct Overlapping<'a> {
 }
 
 /// A field of either kind of medium.
+#[expect(clippy::large_enum_variant, reason = "a few on the stack per flight, nearly all grids")]
 enum AnyRay<'a> {
     Grid(AnyGridRay<'a>),
     Homogeneous(HomogeneousRay),

@@ -282,10 +282,8 @@ impl Builder<'_> {
                 None => constant = false,
             }
         }
-        if constant {
-            if let Some(&table) = self.shared_tables.get(&(log2, around)) {
-                return table;
-            }
+        if constant && let Some(&table) = self.shared_tables.get(&(log2, around)) {
+            return table;
         }
         let child_log2 = log2 - NODE_LOG2;
         let base = cell.map(|c| c << NODE_LOG2);

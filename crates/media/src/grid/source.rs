@@ -91,10 +91,10 @@ impl Sources {
 
     fn tile_over(&self, log2: u32, cell: Coord) -> Source {
         for size in [7, 12] {
-            if size >= log2 {
-                if let Some(&source) = self.tiles.get(&(size, cell.map(|c| c >> (size - log2)))) {
-                    return source;
-                }
+            if size >= log2
+                && let Some(&source) = self.tiles.get(&(size, cell.map(|c| c >> (size - log2))))
+            {
+                return source;
             }
         }
         Source::BACKGROUND

@@ -17,8 +17,8 @@ const PARALLEL: f32 = 1e-18;
 
 /// A ray through a grid: hands out its majorant segments and looks up its extinction.
 ///
-/// The size of the cell around a point is the largest of 4, 8, 16, ... voxels in which at most [`COLLISIONS_PER_CELL`] tentative
-/// collisions are expected, or 4. It depends on the point, the grid and the scale only, not on how the walk came there. Cell
+/// The size of the cell around a point is the largest of 4, 8, 16, ... voxels in which at most one tentative
+/// collision is expected, or 4. It depends on the point, the grid and the scale only, not on how the walk came there. Cell
 /// coordinates advance as integers: every step moves on by at least one cell along the axis it leaves through, so that the walk
 /// ends for every ray, also along faces and through corners.
 #[derive(Debug, Clone)]
