@@ -2,8 +2,8 @@
 
 use crate::settings::LightSampling;
 use glam::{DVec3, Vec3};
+use pileus_media::elementary::sin_cos_turn;
 use pileus_media::phase::ISOTROPIC;
-use pileus_media::random::sin_cos_turn;
 use pileus_scene::{EnvironmentImage, Light, Scene};
 use std::sync::Arc;
 

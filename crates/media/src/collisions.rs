@@ -63,6 +63,42 @@ impl<F: RayField> TentativeCollisions<F> {
         }
     }
 
+    /// The next tentative collision with the majorant depth passed since the last one, or the depth from there to the ray's end.
+    ///
+    /// # Errors
+    /// That depth, when the ray has left the field.
+    #[inline(always)]
+    pub fn next_with_depth<R: Rng + ?Sized>(
+        &mut self,
+        rng: &mut R,
+    ) -> Result<(Tentative, f32), f32> {
+        let drawn = self.remaining.take().unwrap_or_else(|| exponential(rng));
+        let mut depth = drawn;
+        loop {
+            let available = (self.segment.t1 - self.t) * self.segment.majorant;
+            if depth < available {
+                self.t = (self.t + depth / self.segment.majorant).min(self.segment.t1);
+                return Ok((Tentative { t: self.t, majorant: self.segment.majorant }, drawn));
+            }
+            depth -= available;
+            let Some(segment) = self.field.next_segment() else {
+                return Err(drawn - depth);
+            };
+            self.segment = segment;
+            self.t = self.segment.t0;
+        }
+    }
+
+    /// Majorant depth from here to the ray's end, which the walk takes.
+    pub fn depth_to_end(&mut self) -> f32 {
+        let mut depth = (self.segment.t1 - self.t) * self.segment.majorant;
+        while let Some(segment) = self.field.next_segment() {
+            depth += (segment.t1 - segment.t0) * segment.majorant;
+        }
+        (self.segment, self.t) = (MajorantSegment::START, 0.0);
+        depth
+    }
+
     /// Extinction at the collision returned last, 1/length.
     #[inline(always)]
     pub fn sigma_t(&self, collision: Tentative) -> f32 {

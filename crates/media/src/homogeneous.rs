@@ -1,9 +1,10 @@
 //! The same extinction everywhere in a box, or in all space.
 
 use crate::Error;
-use crate::field::{MajorantSegment, RayField};
+use crate::field::{ExactField, MajorantSegment, RayField};
 use crate::medium::{check_albedo, strongest_and_relative};
 use crate::phase::Phase;
+use crate::tally::Tally;
 use glam::{DVec3, Vec3};
 
 /// A homogeneous medium.
@@ -130,7 +131,28 @@ impl RayField for HomogeneousRay {
         self.sigma_t
     }
 
+    #[inline(always)]
+    fn sigma_t_anywhere(&self, _t: f32) -> f32 {
+        self.sigma_t
+    }
+
     fn steps(&self) -> u64 {
         u64::from(self.done)
+    }
+}
+
+impl ExactField for HomogeneousRay {
+    fn optical_depth(&self, _: &mut Tally) -> f64 {
+        // No extinction in all space: zero, not zero times infinity.
+        if self.sigma_t > 0.0 { f64::from(self.sigma_t) * f64::from(self.length) } else { 0.0 }
+    }
+
+    fn t_at_depth(&self, depth: f64, tally: &mut Tally) -> Result<f32, f64> {
+        let whole = self.optical_depth(tally);
+        if depth <= whole && self.sigma_t > 0.0 {
+            Ok((depth / f64::from(self.sigma_t)) as f32)
+        } else {
+            Err(whole)
+        }
     }
 }

@@ -1,9 +1,11 @@
 #![doc = include_str!("../README.md")]
 #![forbid(unsafe_code)]
 
+pub mod channels;
 mod collisions;
 mod color;
 pub mod distance;
+pub mod elementary;
 mod error;
 mod field;
 mod grid;
@@ -12,13 +14,15 @@ mod majorant;
 mod medium;
 pub mod phase;
 pub mod random;
+mod stretch;
 mod tally;
 pub mod transmittance;
 
+pub use channels::{Channels, Grey, Relative, Spectrum};
 pub use collisions::{Tentative, TentativeCollisions};
 pub use color::ColorGrid;
 pub use error::Error;
-pub use field::{MajorantSegment, RayField};
+pub use field::{ExactField, MajorantSegment, RayField};
 pub use grid::{BuildReport, GridView, Half, Interpolation, Voxel, VoxelGrid, VoxelGridOptions};
 pub use homogeneous::{HomogeneousMedium, HomogeneousRay};
 pub use majorant::GridRay;

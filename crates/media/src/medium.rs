@@ -2,11 +2,12 @@
 
 use crate::Error;
 use crate::color::ColorGrid;
-use crate::field::{MajorantSegment, RayField};
+use crate::field::{ExactField, MajorantSegment, RayField};
 use crate::grid::{Half, Voxel, VoxelGrid, Voxels};
 use crate::homogeneous::HomogeneousMedium;
 use crate::majorant::GridRay;
 use crate::phase::Phase;
+use crate::tally::Tally;
 use glam::{DAffine3, DVec3, Mat3, Vec3};
 use std::sync::Arc;
 
@@ -287,10 +288,33 @@ impl RayField for AnyGridRay<'_> {
         }
     }
 
+    fn sigma_t_anywhere(&self, t: f32) -> f32 {
+        match self {
+            AnyGridRay::Half(ray) => ray.sigma_t_anywhere(t),
+            AnyGridRay::Single(ray) => ray.sigma_t_anywhere(t),
+        }
+    }
+
     fn steps(&self) -> u64 {
         match self {
             AnyGridRay::Half(ray) => ray.steps(),
             AnyGridRay::Single(ray) => ray.steps(),
+        }
+    }
+}
+
+impl ExactField for AnyGridRay<'_> {
+    fn optical_depth(&self, tally: &mut Tally) -> f64 {
+        match self {
+            AnyGridRay::Half(ray) => ray.optical_depth(tally),
+            AnyGridRay::Single(ray) => ray.optical_depth(tally),
+        }
+    }
+
+    fn t_at_depth(&self, depth: f64, tally: &mut Tally) -> Result<f32, f64> {
+        match self {
+            AnyGridRay::Half(ray) => ray.t_at_depth(depth, tally),
+            AnyGridRay::Single(ray) => ray.t_at_depth(depth, tally),
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Phase functions: the angular law of scattering, normalised over the sphere.
 
-use crate::random::sin_cos_turn;
+use crate::elementary::sin_cos_turn;
 use glam::Vec3;
 use std::f32::consts::PI;
 

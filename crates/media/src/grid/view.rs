@@ -49,6 +49,15 @@ impl<V: Voxel> GridView<'_, V> {
         self.entries[entry_index(self.topology, self.entries, ijk, BRICK_LOG2)].child
     }
 
+    /// Largest value in the cell of `2^log2` voxels (4 and coarser) around local voxel `ijk`.
+    pub(crate) fn cell_max(&self, ijk: [i32; 3], log2: u32) -> f32 {
+        if log2 < BRICK_LOG2 {
+            self.sub_max[self.brick(ijk) as usize][sub_cell(ijk)]
+        } else {
+            self.entries[entry_index(self.topology, self.entries, ijk, log2)].max
+        }
+    }
+
     #[inline(always)]
     pub(crate) fn voxel(&self, ijk: [i32; 3]) -> f32 {
         self.voxels[self.brick(ijk) as usize * BRICK_VALUES + offset(ijk)].to_f32()

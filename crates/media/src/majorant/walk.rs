@@ -1,8 +1,10 @@
 //! The hierarchical walk: visits the cells of a grid's bounds along a ray, each at the size that suits it.
 
-use crate::field::{MajorantSegment, RayField};
+use crate::field::{ExactField, MajorantSegment, RayField};
 use crate::grid::{BRICK_LOG2, Entry, GridView, Voxel, entry_index, sub_cell};
-use glam::{Vec3, Vec3A};
+use crate::tally::Tally;
+use crate::transmittance::{ray_depth, ray_t_at_depth};
+use glam::{DVec3, Vec3, Vec3A};
 
 /// Finest cell of the bounds: 4 voxels.
 const FINEST_LOG2: u32 = 2;
@@ -238,5 +240,40 @@ impl<V: Voxel> RayField for GridRay<'_, V> {
 
     fn steps(&self) -> u64 {
         self.steps
+    }
+
+    #[inline]
+    fn sigma_t_anywhere(&self, t: f32) -> f32 {
+        let p = Vec3::from(self.p0 + self.d * t);
+        let mut ijk = [0; 3];
+        let mut inside = [0.0; 3];
+        for axis in 0..3 {
+            let extent = self.view.topology.extent[axis];
+            inside[axis] = p[axis].clamp(0.0, extent as f32);
+            ijk[axis] = (inside[axis] as i32).min(extent - 1);
+        }
+        let brick = self.view.brick(ijk);
+        self.view.interpolate_in_brick(brick, ijk, Vec3::from_array(inside)) * self.scale
+    }
+}
+
+impl<V: Voxel> GridRay<'_, V> {
+    fn exact_ray(&self) -> (DVec3, DVec3) {
+        (self.p0.as_dvec3(), self.d.as_dvec3())
+    }
+}
+
+impl<V: Voxel> ExactField for GridRay<'_, V> {
+    fn optical_depth(&self, tally: &mut Tally) -> f64 {
+        let range = (0.0, f64::from(self.t_end));
+        ray_depth(&self.view, self.exact_ray(), range, tally) * f64::from(self.scale)
+    }
+
+    fn t_at_depth(&self, depth: f64, tally: &mut Tally) -> Result<f32, f64> {
+        let range = (0.0, f64::from(self.t_end));
+        let scale = f64::from(self.scale);
+        ray_t_at_depth(&self.view, self.exact_ray(), range, depth / scale, tally)
+            .map(|t| t as f32)
+            .map_err(|depth| depth * scale)
     }
 }

@@ -1,5 +1,6 @@
 //! Ratio tracking [Novak et al. 2014]: the product of null probabilities along the majorants' Poisson process.
 
+use crate::channels::{Channels, Grey, Spectrum};
 use crate::collisions::TentativeCollisions;
 use crate::field::RayField;
 use crate::random::uniform;
@@ -8,12 +9,12 @@ use rand_core::Rng;
 
 /// The outcome of a ratio-tracking walk.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct RatioEstimate {
+pub struct RatioEstimate<S> {
     /// Unbiased estimate of the transmittance, in [0, 1] for a field with a bound.
-    pub transmittance: f32,
+    pub transmittance: S,
     /// Product of the null probabilities met: the estimate without the roulette's compensation. This is the path's density under delta
     /// tracking over its density here, which weights of multiple importance sampling are made of.
-    pub null_probability: f32,
+    pub null_probability: S,
 }
 
 /// An unbiased estimate of the transmittance, in [0, 1] for a field with a bound.
@@ -25,37 +26,40 @@ pub fn ratio_tracking<F: RayField, R: Rng + ?Sized>(
     rng: &mut R,
     tally: &mut Tally,
 ) -> f32 {
-    ratio_tracking_with_roulette(walk, 0.0, rng, tally).transmittance
+    ratio_tracking_with_roulette(walk, Grey, 0.0, rng, tally).transmittance
 }
 
-/// As [`ratio_tracking`], with a roulette that ends walks whose estimate has fallen below `threshold`: it survives with the
-/// probability `estimate / threshold` and goes on with the estimate `threshold`. Unbiased; bounds the cost in thick media.
+/// As [`ratio_tracking`], for all channels by one walk, with a roulette that ends walks whose largest estimate has fallen below
+/// `threshold`: it survives with the probability `estimate / threshold` and goes on. Unbiased; bounds the cost in thick media.
 #[inline(always)]
-pub fn ratio_tracking_with_roulette<F: RayField, R: Rng + ?Sized>(
+pub fn ratio_tracking_with_roulette<F: RayField, C: Channels, R: Rng + ?Sized>(
     mut walk: TentativeCollisions<F>,
+    channels: C,
     threshold: f32,
     rng: &mut R,
     tally: &mut Tally,
-) -> RatioEstimate {
-    let mut estimate = RatioEstimate { transmittance: 1.0, null_probability: 1.0 };
+) -> RatioEstimate<C::Value> {
+    let (mut transmittance, mut null_probability) = (C::Value::ONE, C::Value::ONE);
     while let Some(tentative) = walk.next(rng) {
         let sigma_t = walk.sigma_t(tentative);
         tally.lookups += 1;
         tally.violations += u64::from(sigma_t > tentative.majorant);
-        let null = 1.0 - sigma_t / tentative.majorant;
-        estimate.null_probability *= null;
-        estimate.transmittance *= null;
-        if estimate.transmittance < threshold {
-            if uniform(rng) * threshold >= estimate.transmittance {
-                estimate.transmittance = 0.0;
+        let null = C::Value::ONE - channels.of(sigma_t / tentative.majorant);
+        null_probability = null_probability.times(null);
+        transmittance = transmittance.times(null);
+        let size = transmittance.max_abs();
+        if size < threshold {
+            let survive = size / threshold;
+            if uniform(rng) >= survive {
+                transmittance = C::Value::ZERO;
                 break;
             }
-            estimate.transmittance = threshold;
+            transmittance *= 1.0 / survive;
         }
-        if estimate.transmittance == 0.0 {
+        if size == 0.0 {
             break;
         }
     }
     tally.majorant_steps += walk.field().steps();
-    estimate
+    RatioEstimate { transmittance, null_probability }
 }

@@ -1,7 +1,7 @@
 //! Regular tracking: the exact optical depth, cell by cell.
 
-use crate::grid::{Interpolation, VoxelGrid};
-use crate::medium::GridMedium;
+use crate::grid::{GridView, Interpolation, Voxel};
+use crate::medium::{GridMedium, VoxelKernel};
 use crate::tally::Tally;
 use glam::DVec3;
 
@@ -24,23 +24,121 @@ pub fn optical_depth(
     let Some((t0, t1)) = medium.clip_local(o, d, t_min, t_max) else {
         return 0.0;
     };
-    integrate(medium.grid(), o, d, t0, t1, tally) * f64::from(medium.scale()) * direction.length()
+    struct Depth<'a> {
+        medium: &'a GridMedium,
+        ray: (DVec3, DVec3),
+        range: (f64, f64),
+        tally: &'a mut Tally,
+    }
+    impl VoxelKernel for Depth<'_> {
+        type Output = f64;
+        fn run<V: Voxel>(self, voxels: &[V]) -> f64 {
+            ray_depth(&self.medium.grid().view(voxels), self.ray, self.range, self.tally)
+        }
+    }
+    let kernel = Depth { medium, ray: (o, d), range: (t0, t1), tally };
+    medium.with_voxels(kernel) * f64::from(medium.scale()) * direction.length()
 }
 
 /// Integral of the field over `o + t d`, t in [t0, t1], in units of t.
-fn integrate(grid: &VoxelGrid, o: DVec3, d: DVec3, t0: f64, t1: f64, tally: &mut Tally) -> f64 {
-    let extent = grid.topology.extent;
-    let top = grid.topology.top_log2();
+pub(crate) fn ray_depth<V: Voxel>(
+    view: &GridView<'_, V>,
+    ray: (DVec3, DVec3),
+    range: (f64, f64),
+    tally: &mut Tally,
+) -> f64 {
+    let mut sum = 0.0;
+    voxel_cells(view, ray, range, tally, |ijk, a, b, tally| {
+        sum += cell_depth(view, ray, ijk, (a, b), tally);
+        true
+    });
+    sum
+}
+
+/// Where that integral from `t0` on reaches `depth`.
+///
+/// # Errors
+/// The whole integral, if it is less.
+pub(crate) fn ray_t_at_depth<V: Voxel>(
+    view: &GridView<'_, V>,
+    ray: (DVec3, DVec3),
+    range: (f64, f64),
+    depth: f64,
+    tally: &mut Tally,
+) -> Result<f64, f64> {
+    let mut sum = 0.0;
+    let mut found = None;
+    voxel_cells(view, ray, range, tally, |ijk, a, b, tally| {
+        let cell = cell_depth(view, ray, ijk, (a, b), tally);
+        if !(sum + cell >= depth) || cell <= 0.0 {
+            sum += cell;
+            return true;
+        }
+        let target = depth - sum;
+        // Newton's method on the quartic, kept between bounds by bisection.
+        let (mut low, mut high) = (a, b);
+        let mut t = a + (b - a) * target / cell;
+        for _ in 0..60 {
+            let excess = cell_depth(view, ray, ijk, (a, t), tally) - target;
+            if excess.abs() <= 1e-12 * cell {
+                break;
+            }
+            if excess > 0.0 {
+                high = t;
+            } else {
+                low = t;
+            }
+            tally.lookups += 1;
+            let newton = t - excess / view.interpolate_f64(ijk, ray.0 + ray.1 * t);
+            t = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
+        }
+        found = Some(t);
+        false
+    });
+    found.ok_or(sum)
+}
+
+/// Integral over [a, b] within the voxel cell of `ijk`: exact, since the field is constant or a cubic in it.
+fn cell_depth<V: Voxel>(
+    view: &GridView<'_, V>,
+    (o, d): (DVec3, DVec3),
+    ijk: [i32; 3],
+    (a, b): (f64, f64),
+    tally: &mut Tally,
+) -> f64 {
+    let (middle, length) = (0.5 * (a + b), b - a);
+    let value = |t: f64| view.interpolate_f64(ijk, o + d * t);
+    match view.interpolation {
+        Interpolation::Nearest => {
+            tally.lookups += 1;
+            value(middle) * length
+        }
+        Interpolation::Trilinear => {
+            tally.lookups += 2;
+            let offset = 0.5 / 3f64.sqrt() * length;
+            0.5 * length * (value(middle - offset) + value(middle + offset))
+        }
+    }
+}
+
+/// Calls `visit` with every voxel cell along the ray that may hold extinction, and its range of t, until it returns false.
+fn voxel_cells<V: Voxel>(
+    view: &GridView<'_, V>,
+    (o, d): (DVec3, DVec3),
+    (t0, t1): (f64, f64),
+    tally: &mut Tally,
+    mut visit: impl FnMut([i32; 3], f64, f64, &mut Tally) -> bool,
+) {
+    let extent = view.topology.extent;
+    let top = view.topology.top_log2();
     let mut t = t0;
     let start = o + d * t0;
     let mut ijk: [i32; 3] =
         std::array::from_fn(|axis| (start[axis] as i32).clamp(0, extent[axis] - 1));
-    let offset = 0.5 / 3f64.sqrt();
-    let mut sum = 0.0;
     while t < t1 && (0..3).all(|axis| (0..extent[axis]).contains(&ijk[axis])) {
         tally.majorant_steps += 1;
         // The largest empty cell around, or one voxel cell.
-        let empty = |log2: u32| grid.cell_range(ijk, log2).1 == 0.0;
+        let empty = |log2: u32| view.cell_max(ijk, log2) == 0.0;
         let mut log2 = 0;
         if empty(2) {
             log2 = 2;
@@ -63,19 +161,8 @@ fn integrate(grid: &VoxelGrid, o: DVec3, d: DVec3, t0: f64, t1: f64, tally: &mut
         }
         let t_exit = t_exit.max(t);
         let end = t_exit.min(t1);
-        if log2 == 0 && end > t {
-            let (middle, half) = (0.5 * (t + end), end - t);
-            sum += match grid.interpolation() {
-                Interpolation::Nearest => {
-                    tally.lookups += 1;
-                    grid.interpolate_local(ijk, o + d * middle) * half
-                }
-                Interpolation::Trilinear => {
-                    tally.lookups += 2;
-                    let value = |t: f64| grid.interpolate_local(ijk, o + d * t);
-                    0.5 * half * (value(middle - offset * half) + value(middle + offset * half))
-                }
-            };
+        if log2 == 0 && end > t && !visit(ijk, t, end, tally) {
+            break;
         }
         if t_exit >= t1 || d == DVec3::ZERO {
             break;
@@ -91,5 +178,4 @@ fn integrate(grid: &VoxelGrid, o: DVec3, d: DVec3, t0: f64, t1: f64, tally: &mut
             };
         }
     }
-    sum
 }

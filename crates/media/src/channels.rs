@@ -1,0 +1,139 @@
+//! Grey and per-channel extinction behind one interface, so that an estimator is written once and grey media pay for one channel.
+
+use crate::elementary::exp;
+use glam::Vec3;
+use std::fmt::Debug;
+use std::ops::{Add, AddAssign, Mul, MulAssign, Sub};
+
+/// A quantity per channel: `f32` for grey media, [`Vec3`] for three channels.
+pub trait Spectrum:
+    Copy
+    + Debug
+    + PartialEq
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Mul<f32, Output = Self>
+    + AddAssign
+    + MulAssign<f32>
+{
+    /// Zero in all channels.
+    const ZERO: Self;
+    /// One in all channels.
+    const ONE: Self;
+    /// The same in all channels.
+    fn splat(value: f32) -> Self;
+    /// `e^x` per channel.
+    fn exp(self) -> Self;
+    /// Largest magnitude.
+    fn max_abs(self) -> f32;
+    /// One over each channel.
+    fn recip(self) -> Self;
+    /// The product, zero wherever a factor is zero: estimates that overflow stay infinite and never become NaN.
+    fn times(self, factor: Self) -> Self;
+    /// `f` per channel.
+    fn map(self, f: impl Fn(f32) -> f32) -> Self;
+    /// All channels as an array of three.
+    fn rgb(self) -> [f32; 3];
+}
+
+#[inline(always)]
+fn times(a: f32, b: f32) -> f32 {
+    if a == 0.0 || b == 0.0 { 0.0 } else { a * b }
+}
+
+impl Spectrum for f32 {
+    const ZERO: f32 = 0.0;
+    const ONE: f32 = 1.0;
+    #[inline(always)]
+    fn splat(value: f32) -> f32 {
+        value
+    }
+    #[inline(always)]
+    fn exp(self) -> f32 {
+        exp(self)
+    }
+    #[inline(always)]
+    fn max_abs(self) -> f32 {
+        self.abs()
+    }
+    #[inline(always)]
+    fn recip(self) -> f32 {
+        1.0 / self
+    }
+    #[inline(always)]
+    fn times(self, factor: f32) -> f32 {
+        times(self, factor)
+    }
+    #[inline(always)]
+    fn map(self, f: impl Fn(f32) -> f32) -> f32 {
+        f(self)
+    }
+    fn rgb(self) -> [f32; 3] {
+        [self; 3]
+    }
+}
+
+impl Spectrum for Vec3 {
+    const ZERO: Vec3 = Vec3::ZERO;
+    const ONE: Vec3 = Vec3::ONE;
+    #[inline(always)]
+    fn splat(value: f32) -> Vec3 {
+        Vec3::splat(value)
+    }
+    #[inline(always)]
+    fn exp(self) -> Vec3 {
+        Spectrum::map(self, exp)
+    }
+    #[inline(always)]
+    fn max_abs(self) -> f32 {
+        self.abs().max_element()
+    }
+    #[inline(always)]
+    fn recip(self) -> Vec3 {
+        Vec3::recip(self)
+    }
+    #[inline(always)]
+    fn times(self, factor: Vec3) -> Vec3 {
+        Vec3::new(times(self.x, factor.x), times(self.y, factor.y), times(self.z, factor.z))
+    }
+    #[inline(always)]
+    fn map(self, f: impl Fn(f32) -> f32) -> Vec3 {
+        Vec3::new(f(self.x), f(self.y), f(self.z))
+    }
+    fn rgb(self) -> [f32; 3] {
+        self.to_array()
+    }
+}
+
+/// How channels share the extinction of a field.
+pub trait Channels: Copy {
+    /// What is estimated for all channels at once.
+    type Value: Spectrum;
+    /// Extinction, or optical depth, per channel for that of the field.
+    fn of(self, sigma_t: f32) -> Self::Value;
+}
+
+/// One channel, whose extinction is the field's.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Grey;
+
+impl Channels for Grey {
+    type Value = f32;
+    #[inline(always)]
+    fn of(self, sigma_t: f32) -> f32 {
+        sigma_t
+    }
+}
+
+/// Three channels, whose extinctions are the field's times these factors, in [0, 1]: the field's bounds hold for all.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Relative(pub Vec3);
+
+impl Channels for Relative {
+    type Value = Vec3;
+    #[inline(always)]
+    fn of(self, sigma_t: f32) -> Vec3 {
+        self.0 * sigma_t
+    }
+}

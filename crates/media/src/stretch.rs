@@ -1,0 +1,169 @@
+//! Stretches of a ray: consecutive majorant segments that an estimator treats as one interval.
+//!
+//! Transmittances of consecutive stretches multiply, and independent estimates of them as well. Where the cuts lie must not depend on
+//! random numbers. A limit on the majorant depth of a stretch keeps power series within single precision.
+
+use crate::channels::{Channels, Spectrum};
+use crate::field::{MajorantSegment, RayField};
+use crate::random::uniform;
+use crate::tally::Tally;
+use rand_core::Rng;
+use smallvec::SmallVec;
+
+/// A majorant segment within a stretch.
+#[derive(Debug, Clone, Copy)]
+struct Piece {
+    t0: f32,
+    t1: f32,
+    majorant: f32,
+    /// Majorant depth of the stretch before this piece.
+    depth: f32,
+    /// Length of the pieces of the stretch before this one.
+    length: f32,
+}
+
+/// Consecutive majorant segments; what is empty between them does not count.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Stretch {
+    pieces: SmallVec<[Piece; 32]>,
+    /// Optical depth of the majorant.
+    pub(crate) depth: f32,
+    /// Optical depth of the minorant.
+    pub(crate) minorant_depth: f32,
+    /// Total length of the segments.
+    pub(crate) length: f32,
+}
+
+/// A point of a stretch.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct StretchPoint {
+    pub(crate) t: f32,
+    pub(crate) majorant: f32,
+}
+
+impl Stretch {
+    fn clear(&mut self) {
+        self.pieces.clear();
+        (self.depth, self.minorant_depth, self.length) = (0.0, 0.0, 0.0);
+    }
+
+    fn push(&mut self, segment: MajorantSegment, minorant: f32) {
+        let MajorantSegment { t0, t1, majorant } = segment;
+        self.pieces.push(Piece { t0, t1, majorant, depth: self.depth, length: self.length });
+        self.depth += (t1 - t0) * majorant;
+        self.minorant_depth += (t1 - t0) * minorant;
+        self.length += t1 - t0;
+    }
+
+    /// The point up to which the majorant depth is `depth`.
+    #[inline(always)]
+    pub(crate) fn at_depth(&self, depth: f32) -> StretchPoint {
+        let index = self.pieces.partition_point(|piece| piece.depth <= depth).max(1) - 1;
+        let piece = &self.pieces[index];
+        let t = (piece.t0 + (depth - piece.depth) / piece.majorant).min(piece.t1);
+        StretchPoint { t, majorant: piece.majorant }
+    }
+
+    /// The point up to which the length of the segments is `length`.
+    #[inline(always)]
+    pub(crate) fn at_length(&self, length: f32) -> f32 {
+        let index = self.pieces.partition_point(|piece| piece.length <= length).max(1) - 1;
+        let piece = &self.pieces[index];
+        (piece.t0 + (length - piece.length)).min(piece.t1)
+    }
+
+    /// First and last point.
+    pub(crate) fn ends(&self) -> (f32, f32) {
+        match (self.pieces.first(), self.pieces.last()) {
+            (Some(first), Some(last)) => (first.t0, last.t1),
+            _ => (0.0, 0.0),
+        }
+    }
+}
+
+/// Cuts a ray into stretches whose majorant depth is at most a limit.
+struct Stretches<F> {
+    field: F,
+    limit: f32,
+    /// A segment, with its minorant, that did not fit into the stretch before.
+    pending: Option<(MajorantSegment, f32)>,
+}
+
+impl<F: RayField> Stretches<F> {
+    fn segment(&mut self) -> Option<(MajorantSegment, f32)> {
+        self.pending.take().or_else(|| {
+            let segment = self.field.next_segment()?;
+            Some((segment, self.field.minorant()))
+        })
+    }
+
+    /// Fills `stretch` with the next one; false at the ray's end.
+    fn next(&mut self, stretch: &mut Stretch) -> bool {
+        stretch.clear();
+        while let Some((segment, minorant)) = self.segment() {
+            let MajorantSegment { t0, t1, majorant } = segment;
+            let depth = (t1 - t0) * majorant;
+            if !(depth > 0.0) {
+                continue;
+            }
+            if depth <= self.limit - stretch.depth {
+                stretch.push(segment, minorant);
+                continue;
+            }
+            if stretch.depth > 0.0 {
+                self.pending = Some((segment, minorant));
+                return true;
+            }
+            // Deeper than a whole stretch: equal parts. Infinite segments and those that rounding cannot part stay whole.
+            let cut = t0 + (t1 - t0) / (depth / self.limit).ceil();
+            if cut > t0 && cut < t1 {
+                stretch.push(MajorantSegment { t1: cut, ..segment }, minorant);
+                self.pending = Some((MajorantSegment { t0: cut, ..segment }, minorant));
+            } else {
+                stretch.push(segment, minorant);
+            }
+            return true;
+        }
+        stretch.depth > 0.0
+    }
+}
+
+/// The product of `factor` over the stretches of `field`, each of a majorant depth of at most `limit`; products below `threshold` are
+/// played roulette. Unbiased if the factors are.
+#[inline(always)]
+pub(crate) fn product_over_stretches<F: RayField, C: Channels, R: Rng + ?Sized>(
+    field: F,
+    channels: C,
+    limit: f32,
+    threshold: f32,
+    rng: &mut R,
+    tally: &mut Tally,
+    mut factor: impl FnMut(&F, &Stretch, &mut R, &mut Tally) -> C::Value,
+) -> C::Value {
+    let mut stretches = Stretches { field, limit, pending: None };
+    let mut stretch = Stretch::default();
+    let mut product = C::Value::ONE;
+    while stretches.next(&mut stretch) {
+        let next = if stretch.depth < f32::INFINITY {
+            factor(&stretches.field, &stretch, rng, tally)
+        } else {
+            // Constant extinction without end, by the contract of fields: only channels without extinction get through.
+            channels.of(f32::INFINITY).map(|depth| if depth > 0.0 { 0.0 } else { 1.0 })
+        };
+        product = product.times(next);
+        let size = product.max_abs();
+        if size == 0.0 {
+            break;
+        }
+        if size < threshold {
+            let survive = size / threshold;
+            if uniform(rng) >= survive {
+                product = C::Value::ZERO;
+                break;
+            }
+            product *= 1.0 / survive;
+        }
+    }
+    tally.majorant_steps += stretches.field.steps();
+    product
+}

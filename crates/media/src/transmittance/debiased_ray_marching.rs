@@ -1,0 +1,63 @@
+//! Ray marching debiased by a telescoping series [Misso et al. 2022; Rhee and Glynn 2015].
+
+use super::comb::comb;
+use crate::channels::{Channels, Spectrum};
+use crate::elementary::exp;
+use crate::field::RayField;
+use crate::random::uniform;
+use crate::stretch::product_over_stretches;
+use crate::tally::Tally;
+use rand_core::Rng;
+
+/// Teeth of the coarsest comb.
+pub const DEBIASED_TEETH: u32 = 8;
+
+/// Probability of going to the next level: `2^(-3/2)`, between the doubling of the work and the decay of the differences.
+const DEEPER: f32 = 0.353_553_4;
+
+/// An unbiased estimate of the transmittance, which may exceed one or be negative; without variance for constant extinction.
+///
+/// Level `j` is `exp(-depth)` by a comb of `teeth * 2^j`. A coarse comb is returned with one difference of neighbouring levels, over the
+/// probability of that level. The levels of a difference share their points: the even and the odd teeth of the finer
+/// comb are the two coarse ones, so that the difference is of second order. Mean lookups: 5.4 `teeth`. Infinite variance is possible where
+/// differences shrink by less than `2^(-3/2)` in the square.
+pub fn debiased_ray_marching<F: RayField, C: Channels, R: Rng + ?Sized>(
+    field: F,
+    channels: C,
+    teeth: u32,
+    stretch: f32,
+    threshold: f32,
+    rng: &mut R,
+    tally: &mut Tally,
+) -> C::Value {
+    product_over_stretches(
+        field,
+        channels,
+        stretch,
+        threshold,
+        rng,
+        tally,
+        |field, stretch, rng, tally| {
+            let transmittance = |depth: f32| (channels.of(depth) * -1.0).exp();
+            let coarse = transmittance(comb(field, stretch, teeth, uniform(rng), tally));
+            let mut fine_teeth = teeth;
+            let mut probability = 1.0 - DEEPER;
+            while uniform(rng) < DEEPER {
+                fine_teeth = fine_teeth.saturating_mul(2);
+                probability *= DEEPER;
+            }
+            // Offset u of the finer comb: its even teeth have offset u / 2, its odd ones (u + 1) / 2, in units of the coarser distance.
+            let u = uniform(rng);
+            let a = comb(field, stretch, fine_teeth, 0.5 * u, tally);
+            let b = comb(field, stretch, fine_teeth, 0.5 * (u + 1.0), tally);
+            // exp(-(a + b) / 2) - (exp(-a) + exp(-b)) / 2, without cancellation.
+            let difference = (channels.of(a) - channels.of(b)).map(|d| {
+                let e = exp(-0.25 * d.abs());
+                -0.5 * (1.0 - e * e) * (1.0 - e * e)
+            });
+            // Relative to the larger of the two transmittances.
+            let larger = (channels.of(a.min(b)) * -1.0).exp();
+            coarse + larger.times(difference) * (1.0 / probability)
+        },
+    )
+}

@@ -1,0 +1,50 @@
+//! The Volterra recursion without null collisions [Georgiev et al. 2019].
+
+use crate::channels::{Channels, Spectrum};
+use crate::field::RayField;
+use crate::random::uniform;
+use crate::stretch::product_over_stretches;
+use crate::tally::Tally;
+use rand_core::Rng;
+
+/// Majorant depth of a stretch. The terms alternate and grow like `depth^k / k!`: deeper stretches lose all accuracy to cancellation.
+pub const VOLTERRA_STRETCH: f32 = 1.0;
+
+/// An unbiased, signed estimate of the transmittance.
+///
+/// `T(a, b) = 1 - integral of sigma_t(x) T(x, b) dx`, one vertex per level of the recursion, placed by the majorant; a level is entered with the
+/// probability of the weight's size, if below one. Relative variance grows exponentially with the depth of a `stretch`, so that rays are cut.
+pub fn volterra<F: RayField, C: Channels, R: Rng + ?Sized>(
+    field: F,
+    channels: C,
+    stretch: f32,
+    threshold: f32,
+    rng: &mut R,
+    tally: &mut Tally,
+) -> C::Value {
+    product_over_stretches(
+        field,
+        channels,
+        stretch,
+        threshold,
+        rng,
+        tally,
+        |field, stretch, rng, tally| {
+            let (mut sum, mut weight) = (C::Value::ONE, C::Value::ONE);
+            let mut from = 0.0f32;
+            loop {
+                let left = stretch.depth - from;
+                let survive = (weight.max_abs() * left).min(1.0);
+                if !(uniform(rng) < survive) {
+                    return sum;
+                }
+                from = (from + uniform(rng) * left).min(stretch.depth);
+                let point = stretch.at_depth(from);
+                tally.lookups += 1;
+                let step = channels.of(field.sigma_t_anywhere(point.t) / point.majorant);
+                weight = weight.times(step * (-left / survive));
+                sum += weight;
+            }
+        },
+    )
+}
