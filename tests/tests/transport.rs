@@ -5,6 +5,7 @@ use glam::{DVec3, Vec3};
 use pileus_film::Filter;
 use pileus_integrator::{LightSampling, RenderSettings, Transmittance};
 use pileus_media::phase::ISOTROPIC;
+use pileus_media::transmittance::Estimator;
 use pileus_media::{HomogeneousMedium, Medium, Phase, random::uniform};
 use pileus_scene::{Environment, EnvironmentImage, Light, Point, Scene, Spot};
 use pileus_tests::*;
@@ -339,11 +340,15 @@ fn shadow_rays_and_paths_agree_with_paths_alone() {
             }
             let both = rendered(&scene, &settings(256, 7));
             assert!(both.counters.null_collisions > both.counters.collisions / 2);
-            for transmittance in [Transmittance::Ratio, Transmittance::Delta] {
+            for transmittance in
+                [Transmittance::By(Estimator::Ratio), Transmittance::By(Estimator::Delta)]
+            {
                 let paths =
                     RenderSettings { light_sampling: LightSampling::Paths, ..settings(512, 8) };
                 let other = match transmittance {
-                    Transmittance::Delta => RenderSettings { transmittance, ..settings(256, 9) },
+                    Transmittance::By(Estimator::Delta) => {
+                        RenderSettings { transmittance, ..settings(256, 9) }
+                    }
                     _ => paths,
                 };
                 let what = format!("{name}, disc {disc}, against {transmittance:?}");
@@ -439,4 +444,40 @@ fn camera_inside_and_endless_fog() {
         }
         [sum; 3]
     });
+}
+
+/// Every unbiased estimator of transmittance gives the picture that ratio tracking gives: one grid and a list of media, grey and per
+/// channel (one of them clear), delta light and a disc that paths meet as well.
+#[test]
+fn every_estimator_gives_the_same_picture() {
+    for (name, sigma_t) in [("grey", [3.0f32; 3]), ("channels", [4.0, 1.5, 0.0])] {
+        for (light, diameter) in [("delta sun", 0.0f32), ("disc", 0.9)] {
+            let medium = lumpy_grid(1.0, sigma_t, [0.9, 0.8, 0.7], hg(0.3));
+            let mut scene = scene(vec![medium], EYE, DVec3::ZERO, 24.0);
+            scene.lights.push(sun(Vec3::new(0.5, 0.8, 0.6), Vec3::splat(3.0), diameter));
+            scene.environment.constant = Vec3::splat(0.1);
+            let by = |estimator, spp, seed| {
+                let transmittance = Transmittance::By(estimator);
+                rendered(&scene, &RenderSettings { transmittance, ..settings(spp, seed) })
+            };
+            let ratio = by(Estimator::Ratio, 256, 1);
+            for (i, estimator) in Estimator::ALL.into_iter().enumerate() {
+                if estimator.is_unbiased() && estimator != Estimator::Ratio {
+                    let other = by(estimator, 64, 2 + i as u64);
+                    assert_same(&format!("{name}, {light}, {}", estimator.name()), &ratio, &other);
+                }
+            }
+        }
+    }
+}
+
+/// Fog that fills all space and is clear in one channel: walks end, and the clear channel sees the sun unchanged.
+#[test]
+fn endless_fog_that_is_clear_in_one_channel() {
+    let fog = HomogeneousMedium::new([1.0, 0.3, 0.0], None, [0.5; 3], hg(0.0)).unwrap();
+    let mut scene = scene(vec![Medium::Homogeneous(fog)], EYE, DVec3::ZERO, 24.0);
+    scene.environment.constant = Vec3::new(0.0, 0.0, 0.7);
+    scene.lights.push(sun(Vec3::Y, Vec3::splat(3.0), 0.0));
+    let image = rendered(&scene, &settings(256, 5));
+    assert_expected("endless fog", &image, |_, _| [0.0, 0.0, 0.7]);
 }

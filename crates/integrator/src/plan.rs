@@ -3,6 +3,7 @@
 use crate::Error;
 use crate::lights::Lights;
 use crate::settings::{Distance, RenderSettings, Transmittance};
+use pileus_media::transmittance::Estimator;
 use pileus_media::{Albedo, Medium, Phase};
 use pileus_scene::{Light, Scene};
 use serde::Serialize;
@@ -51,6 +52,8 @@ pub struct Plan {
     pub distance: Distance,
     /// Transmittance estimator in use.
     pub transmittance: Transmittance,
+    /// What makes the mean of the image differ from the truth, by its settings' names.
+    pub biased: Vec<String>,
     /// Majorant structure in use.
     pub majorants: &'static str,
     /// Lights that shadow rays are sent to.
@@ -126,17 +129,31 @@ impl Plan {
                     "transmittance by ratio tracking: unbiased, never noisier than delta tracking"
                         .into(),
                 );
-                Transmittance::Ratio
+                Estimator::Ratio
             }
-            chosen => chosen,
+            Transmittance::By(estimator) => estimator,
         };
+        if mis && transmittance != Estimator::Ratio {
+            reasons.push(format!(
+                "{} has no density of its own along a path: weights know directions alone, not null collisions",
+                transmittance.name()
+            ));
+        }
+        let mut biased = Vec::new();
+        if !transmittance.is_unbiased() {
+            biased.push(format!("transmittance {}: shadows are too bright", transmittance.name()));
+        }
+        if let Some(n) = settings.max_bounces {
+            biased.push(format!("max_bounces {n}: longer paths are cut"));
+        }
         Ok(Plan {
             kernel,
             mis,
             distance: match settings.distance {
                 Distance::Auto | Distance::Delta => Distance::Delta,
             },
-            transmittance,
+            transmittance: Transmittance::By(transmittance),
+            biased,
             majorants: "hierarchical walk, cells of 4, 8, 16, ... voxels by expected collisions",
             shadow_ray_lights: lights.len(),
             max_bounces: settings.max_bounces,
@@ -207,7 +224,7 @@ impl fmt::Display for Plan {
             if self.mis { ", weighted" } else { "" }
         )?;
         match self.max_bounces {
-            Some(n) => writeln!(f, "bounces        at most {n}: longer paths are cut (biased)")?,
+            Some(n) => writeln!(f, "bounces        at most {n}")?,
             None => writeln!(f, "bounces        unlimited")?,
         }
         for volume in &self.volumes {
@@ -225,6 +242,9 @@ impl fmt::Display for Plan {
                     volume.bytes as f64 / 1e6
                 )),
             )?;
+        }
+        for item in &self.biased {
+            writeln!(f, "biased         {item}")?;
         }
         for reason in &self.reasons {
             writeln!(f, "because        {reason}")?;

@@ -9,6 +9,7 @@ use crate::plan::{KernelKind, Plan};
 use crate::sampler::PathSampler;
 use crate::settings::{RenderSettings, Transmittance};
 use pileus_film::{Film, PixelSample, Tile};
+use pileus_media::transmittance::Estimator;
 use pileus_media::{GridMedium, Medium, Voxel, VoxelKernel};
 use pileus_scene::Scene;
 use rayon::prelude::*;
@@ -112,7 +113,10 @@ fn dispatch<J: Job>(
     settings: &RenderSettings,
     job: &mut J,
 ) -> J::Output {
-    let delta = plan.transmittance == Transmittance::Delta;
+    let estimator = match plan.transmittance {
+        Transmittance::Auto => Estimator::Ratio,
+        Transmittance::By(estimator) => estimator,
+    };
     let media: Vec<Arc<Medium>> = scene.volumes.iter().map(|v| Arc::clone(&v.medium)).collect();
     let max_bounces = settings.max_bounces.unwrap_or(u32::MAX);
     if let (KernelKind::SingleGrey, [medium]) = (plan.kernel, media.as_slice())
@@ -120,7 +124,7 @@ fn dispatch<J: Job>(
     {
         return medium.with_voxels(Single {
             medium,
-            delta,
+            estimator,
             scene,
             lights,
             max_bounces,
@@ -129,7 +133,7 @@ fn dispatch<J: Job>(
         });
     }
     let kernel = Kernel {
-        media: Overlapping { media: &media, delta },
+        media: Overlapping { media: &media, estimator },
         lights,
         environment: &scene.environment,
         max_bounces,
@@ -140,7 +144,7 @@ fn dispatch<J: Job>(
 /// The grey single-grid kernel, waiting for its voxel type.
 struct Single<'a, J> {
     medium: &'a GridMedium,
-    delta: bool,
+    estimator: Estimator,
     scene: &'a Scene,
     lights: &'a Lights,
     max_bounces: u32,
@@ -152,7 +156,7 @@ impl<J: Job> VoxelKernel for Single<'_, J> {
     type Output = J::Output;
     fn run<V: Voxel>(self, voxels: &[V]) -> J::Output {
         let kernel = Kernel {
-            media: SingleGrey { medium: self.medium, voxels, delta: self.delta },
+            media: SingleGrey { medium: self.medium, voxels, estimator: self.estimator },
             lights: self.lights,
             environment: &self.scene.environment,
             max_bounces: self.max_bounces,

@@ -1,19 +1,17 @@
 //! How a scene is to be sampled.
 
 use pileus_film::Filter;
+use pileus_media::transmittance::Estimator;
 use std::ops::Range;
 
 /// How transmittance is estimated.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
-#[serde(rename_all = "snake_case")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Transmittance {
     /// What the plan finds best for the scene.
     #[default]
     Auto,
-    /// Ratio tracking.
-    Ratio,
-    /// Delta tracking: the indicator of a free flight that gets through.
-    Delta,
+    /// By this estimator.
+    By(Estimator),
 }
 
 impl Transmittance {
@@ -21,9 +19,14 @@ impl Transmittance {
     pub fn name(self) -> &'static str {
         match self {
             Transmittance::Auto => "auto",
-            Transmittance::Ratio => "ratio",
-            Transmittance::Delta => "delta",
+            Transmittance::By(estimator) => estimator.name(),
         }
+    }
+}
+
+impl serde::Serialize for Transmittance {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(self.name())
     }
 }
 

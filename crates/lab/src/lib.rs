@@ -7,6 +7,7 @@ mod difference;
 mod error;
 mod flip;
 mod pair;
+mod profile;
 
 pub use crate::block_z::{BlockZ, block_z_test};
 pub use crate::compare::{
@@ -15,3 +16,4 @@ pub use crate::compare::{
 pub use crate::difference::{difference_image, difference_view};
 pub use crate::error::Error;
 pub use crate::flip::{Flip, flip};
+pub use crate::profile::{Profile, ProfileCase, ProfileRay};

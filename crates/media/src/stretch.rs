@@ -150,6 +150,8 @@ pub(crate) fn product_over_stretches<F: RayField, C: Channels, R: Rng + ?Sized>(
             // Constant extinction without end, by the contract of fields: only channels without extinction get through.
             channels.of(f32::INFINITY).map(|depth| if depth > 0.0 { 0.0 } else { 1.0 })
         };
+        // Sums whose terms overflow in both directions: infinite, so that they are dropped and counted as estimates without a value.
+        let next = next.map(|x| if x.is_nan() { f32::INFINITY } else { x });
         product = product.times(next);
         let size = product.max_abs();
         if size == 0.0 {

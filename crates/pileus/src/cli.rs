@@ -279,7 +279,7 @@ pub struct TransmittanceOptions {
     /// Rays to follow, in world space.
     #[arg(long, value_name = "RAYS.json")]
     pub rays: PathBuf,
-    /// regular, delta or ratio.
+    /// regular, delta, ratio, residual_ratio, next_flight, volterra, taylor, pseries_cumulative, pseries_cmf, bidirectional, unbiased_ray_marching, debiased_ray_marching or ray_marching (biased).
     #[arg(long, value_name = "NAME")]
     pub estimator: String,
     /// Samples per ray.

@@ -203,17 +203,39 @@ pub struct SamplingSpec {
     pub distance: Option<DistanceSpec>,
 }
 
-/// How transmittance is estimated; all are unbiased.
+/// How transmittance is estimated; all but `ray_marching` are unbiased.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum TransmittanceSpec {
-    /// What the plan finds best for the scene.
+    /// What the plan finds best for the scene; in this version always `ratio`.
     #[default]
     Auto,
-    /// Ratio tracking.
-    Ratio,
+    /// Exact: the field is integrated cell by cell. No noise; the cost of every voxel on the way.
+    Regular,
     /// Delta tracking: whether a free flight gets through.
     Delta,
+    /// Ratio tracking: the product of null probabilities.
+    Ratio,
+    /// Residual ratio tracking: ratio tracking of what exceeds the lower bound.
+    ResidualRatio,
+    /// Next-flight: at every vertex, the probability of reaching the end directly.
+    NextFlight,
+    /// Volterra recursion without null collisions, on short stretches.
+    Volterra,
+    /// Taylor series about zero depth, on short stretches.
+    Taylor,
+    /// Power series about the upper bound, its order by the size of its terms.
+    PseriesCumulative,
+    /// Power series about the upper bound, its order by the depth of the bound.
+    PseriesCmf,
+    /// Null-collision series from both ends, combined by weights.
+    Bidirectional,
+    /// Unbiased ray marching: equidistant samples, corrected by rare higher orders.
+    UnbiasedRayMarching,
+    /// Ray marching, debiased by a telescoping series.
+    DebiasedRayMarching,
+    /// Plain ray marching with 64 samples. Biased: shadows are too bright.
+    RayMarching,
 }
 
 /// How distances are sampled; all are unbiased.
@@ -304,7 +326,7 @@ mod tests {
             ("\"type\": \"box\"", "\"type\": \"boxx\"", "/film/filter/type", "`box`"),
             (
                 "\"transmittance\": \"auto\"",
-                "\"transmittance\": \"residual_ratio\"",
+                "\"transmittance\": \"rato\"",
                 "/sampling/transmittance",
                 "`ratio`",
             ),

@@ -8,6 +8,7 @@ use std::time::Instant;
 use glam::{DVec3, Vec3};
 use pileus_film::{Crop, Filter};
 use pileus_integrator::{Distance, RenderSettings, Transmittance};
+use pileus_media::transmittance::Estimator;
 use pileus_scene::json::Document;
 use pileus_scene::volume::DefaultScale;
 use pileus_scene::volume_spec::{DensitySpec, Rgb, VolumeSpec};
@@ -386,8 +387,23 @@ fn sampling(job: &Job, filter: Filter, places: &Places) -> Result<RenderSettings
         filter,
         transmittance: match transmittance.unwrap_or_default() {
             TransmittanceSpec::Auto => Transmittance::Auto,
-            TransmittanceSpec::Ratio => Transmittance::Ratio,
-            TransmittanceSpec::Delta => Transmittance::Delta,
+            TransmittanceSpec::Regular => Transmittance::By(Estimator::Regular),
+            TransmittanceSpec::Delta => Transmittance::By(Estimator::Delta),
+            TransmittanceSpec::Ratio => Transmittance::By(Estimator::Ratio),
+            TransmittanceSpec::ResidualRatio => Transmittance::By(Estimator::ResidualRatio),
+            TransmittanceSpec::NextFlight => Transmittance::By(Estimator::NextFlight),
+            TransmittanceSpec::Volterra => Transmittance::By(Estimator::Volterra),
+            TransmittanceSpec::Taylor => Transmittance::By(Estimator::Taylor),
+            TransmittanceSpec::PseriesCumulative => Transmittance::By(Estimator::PseriesCumulative),
+            TransmittanceSpec::PseriesCmf => Transmittance::By(Estimator::PseriesCmf),
+            TransmittanceSpec::Bidirectional => Transmittance::By(Estimator::Bidirectional),
+            TransmittanceSpec::UnbiasedRayMarching => {
+                Transmittance::By(Estimator::UnbiasedRayMarching)
+            }
+            TransmittanceSpec::DebiasedRayMarching => {
+                Transmittance::By(Estimator::DebiasedRayMarching)
+            }
+            TransmittanceSpec::RayMarching => Transmittance::By(Estimator::RayMarching),
         },
         distance: match distance.unwrap_or_default() {
             DistanceSpec::Auto => Distance::Auto,

@@ -9,10 +9,10 @@
 use super::{Collision, Flown, Media, Ray, Shadow};
 use glam::{DVec3, Vec3};
 use pileus_media::random::{exponential, uniform};
-use pileus_media::transmittance::ratio_tracking_with_roulette;
+use pileus_media::transmittance::{Estimator, ratio_tracking_with_roulette};
 use pileus_media::{
-    AnyGridRay, HomogeneousRay, MajorantSegment, Medium, Phase, RayField, Tally, Tentative,
-    TentativeCollisions,
+    AnyGridRay, ExactField, Grey, HomogeneousRay, MajorantSegment, Medium, Phase, RayField,
+    Relative, Spectrum, Tally, Tentative, TentativeCollisions,
 };
 use rand_core::Rng;
 use smallvec::SmallVec;
@@ -21,8 +21,8 @@ use std::sync::Arc;
 /// All media of a scene, as a list.
 pub(crate) struct Overlapping<'a> {
     pub(crate) media: &'a [Arc<Medium>],
-    /// Delta tracking instead of ratio tracking for transmittance.
-    pub(crate) delta: bool,
+    /// How shadow rays are estimated.
+    pub(crate) estimator: Estimator,
 }
 
 /// A field of either kind of medium.
@@ -51,10 +51,31 @@ impl RayField for AnyRay<'_> {
             AnyRay::Homogeneous(ray) => ray.sigma_t(t),
         }
     }
+    fn sigma_t_anywhere(&self, t: f32) -> f32 {
+        match self {
+            AnyRay::Grid(ray) => ray.sigma_t_anywhere(t),
+            AnyRay::Homogeneous(ray) => ray.sigma_t_anywhere(t),
+        }
+    }
     fn steps(&self) -> u64 {
         match self {
             AnyRay::Grid(ray) => ray.steps(),
             AnyRay::Homogeneous(ray) => ray.steps(),
+        }
+    }
+}
+
+impl ExactField for AnyRay<'_> {
+    fn optical_depth(&self, tally: &mut Tally) -> f64 {
+        match self {
+            AnyRay::Grid(ray) => ray.optical_depth(tally),
+            AnyRay::Homogeneous(ray) => ray.optical_depth(tally),
+        }
+    }
+    fn t_at_depth(&self, depth: f64, tally: &mut Tally) -> Result<f32, f64> {
+        match self {
+            AnyRay::Grid(ray) => ray.t_at_depth(depth, tally),
+            AnyRay::Homogeneous(ray) => ray.t_at_depth(depth, tally),
         }
     }
 }
@@ -65,6 +86,8 @@ struct Walker<'a> {
     t_enter: f64,
     relative: Vec3,
     walk: TentativeCollisions<AnyRay<'a>>,
+    /// Whether shadow rays walk this medium by the same collisions, so that its null decisions belong into the weights.
+    weighted: bool,
     next: Option<Tentative>,
 }
 
@@ -101,6 +124,17 @@ fn closed_form(medium: &Medium, ray: &Ray, t_max: f64) -> Option<f32> {
     Some(if tau.is_nan() { 1.0 } else { (-tau).exp() as f32 })
 }
 
+/// Whether a ray never leaves a medium that differs per channel: without end, transmittance is zero or one.
+fn endless(medium: &Medium, ray: &Ray, t_max: f64) -> bool {
+    let Medium::Homogeneous(medium) = medium else {
+        return false;
+    };
+    !medium.is_grey()
+        && medium
+            .span(ray.origin, ray.direction, t_max)
+            .is_some_and(|(_, length)| length == f32::INFINITY)
+}
+
 impl Media for Overlapping<'_> {
     fn flight<R: Rng>(
         &self,
@@ -118,7 +152,9 @@ impl Media for Overlapping<'_> {
                 let mut walk = TentativeCollisions::with_first(field, depth);
                 let next = walk.next(rng);
                 let relative = medium.relative_extinction();
-                walkers.push(Walker { medium: index, t_enter, relative, walk, next });
+                let weighted =
+                    self.estimator == Estimator::Ratio && !endless(medium, ray, f64::INFINITY);
+                walkers.push(Walker { medium: index, t_enter, relative, walk, weighted, next });
             }
         }
         let collision = loop {
@@ -142,12 +178,14 @@ impl Media for Overlapping<'_> {
                 break Some(Collision { t: walker.t(), medium: walker.medium });
             }
             tally.null_collisions += 1;
-            // Delta-tracked shadow rays decide at the same collisions: their weights leave the nulls out, and so do these.
             flown.beta *= (Vec3::ONE - real) / (1.0 - probability);
-            if !self.delta {
+            if walker.weighted {
                 flown.null_probability *= 1.0 - probability;
             }
-            walker.next = walker.walk.next(rng);
+            // No extinction in any channel that is left, now and for all that follows: an endless walk would not end.
+            let transparent =
+                probability == 0.0 && matches!(*self.media[walker.medium], Medium::Homogeneous(_));
+            walker.next = if transparent { None } else { walker.walk.next(rng) };
         };
         for walker in &walkers {
             tally.majorant_steps += walker.walk.field().steps();
@@ -178,21 +216,34 @@ impl Media for Overlapping<'_> {
                 shadow.null_probability *= factor;
                 continue;
             }
+            if endless(medium, ray, t_max) {
+                let clear = |s: f32| if s > 0.0 { 0.0 } else { 1.0 };
+                shadow.transmittance *= Spectrum::map(medium.relative_extinction(), clear);
+                continue;
+            }
             let Some((_, field)) = enter(medium, ray, t_max) else {
                 continue;
             };
-            let walk = TentativeCollisions::new(field);
             let relative = medium.relative_extinction();
-            if self.delta {
-                shadow.transmittance *= channel_delta_tracking(walk, relative, rng, tally);
-            } else if relative == Vec3::ONE {
-                let estimate = ratio_tracking_with_roulette(walk, threshold, rng, tally);
+            let grey = relative == Vec3::ONE;
+            if self.estimator != Estimator::Ratio {
+                let estimator = self.estimator;
+                shadow.transmittance *= if grey {
+                    Vec3::splat(estimator.estimate(field, Grey, threshold, rng, tally))
+                } else {
+                    estimator.estimate(field, Relative(relative), threshold, rng, tally)
+                };
+            } else if grey {
+                let walk = TentativeCollisions::new(field);
+                let estimate = ratio_tracking_with_roulette(walk, Grey, threshold, rng, tally);
                 shadow.transmittance *= estimate.transmittance;
                 shadow.null_probability *= estimate.null_probability;
             } else {
-                let product = channel_ratio_tracking(walk, relative, rng, tally);
-                shadow.transmittance *= product;
-                shadow.null_probability *= product;
+                let walk = TentativeCollisions::new(field);
+                let channels = Relative(relative);
+                let estimate = ratio_tracking_with_roulette(walk, channels, threshold, rng, tally);
+                shadow.transmittance *= estimate.transmittance;
+                shadow.null_probability *= estimate.null_probability;
             }
             if shadow.transmittance == Vec3::ZERO {
                 break;
@@ -205,48 +256,4 @@ impl Media for Overlapping<'_> {
         let medium = &self.media[collision.medium];
         (*medium.phase(), medium.albedo_at(p_world))
     }
-}
-
-/// Ratio tracking with one walk for all channels.
-fn channel_ratio_tracking<F: RayField, R: Rng>(
-    mut walk: TentativeCollisions<F>,
-    relative: Vec3,
-    rng: &mut R,
-    tally: &mut Tally,
-) -> Vec3 {
-    let mut product = Vec3::ONE;
-    while let Some(next) = walk.next(rng) {
-        let sigma_t = walk.sigma_t(next);
-        tally.lookups += 1;
-        tally.violations += u64::from(sigma_t > next.majorant);
-        product *= Vec3::ONE - relative * (sigma_t / next.majorant);
-        if product == Vec3::ZERO {
-            break;
-        }
-    }
-    tally.majorant_steps += walk.field().steps();
-    product
-}
-
-/// Delta tracking with one walk and one decision for all channels: channel k is stopped if `u < sigma_t_k / majorant`.
-fn channel_delta_tracking<F: RayField, R: Rng>(
-    mut walk: TentativeCollisions<F>,
-    relative: Vec3,
-    rng: &mut R,
-    tally: &mut Tally,
-) -> Vec3 {
-    let mut open = Vec3::ONE;
-    while let Some(next) = walk.next(rng) {
-        let sigma_t = walk.sigma_t(next);
-        tally.lookups += 1;
-        tally.violations += u64::from(sigma_t > next.majorant);
-        let u = uniform(rng);
-        let real = relative * (sigma_t / next.majorant);
-        open *= Vec3::from_array(real.to_array().map(|r| if u < r { 0.0 } else { 1.0 }));
-        if open == Vec3::ZERO {
-            break;
-        }
-    }
-    tally.majorant_steps += walk.field().steps();
-    open
 }

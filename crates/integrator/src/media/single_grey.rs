@@ -3,16 +3,26 @@
 use super::{Collision, Flown, Media, Ray, Shadow};
 use glam::{DVec3, Vec3};
 use pileus_media::distance::{Flight, delta_tracking};
-use pileus_media::transmittance::{delta_transmittance, ratio_tracking_with_roulette};
-use pileus_media::{GridMedium, Phase, Tally, TentativeCollisions, Voxel};
+use pileus_media::transmittance::{Estimator, ratio_tracking_with_roulette};
+use pileus_media::{Grey, GridMedium, Phase, Span, Tally, TentativeCollisions, Voxel};
 use rand_core::Rng;
 
 /// One grey grid medium with voxels of type `V`.
 pub(crate) struct SingleGrey<'a, V> {
     pub(crate) medium: &'a GridMedium,
     pub(crate) voxels: &'a [V],
-    /// Delta tracking instead of ratio tracking for transmittance.
-    pub(crate) delta: bool,
+    /// How shadow rays are estimated.
+    pub(crate) estimator: Estimator,
+}
+
+impl<V: Voxel> SingleGrey<'_, V> {
+    /// Every estimator but ratio tracking: kept out of the kernel that most scenes run.
+    #[inline(never)]
+    fn other<R: Rng>(&self, span: &Span, threshold: f32, rng: &mut R, tally: &mut Tally) -> Shadow {
+        let field = self.medium.ray(self.voxels, span);
+        let transmittance = self.estimator.estimate(field, Grey, threshold, rng, tally);
+        Shadow { transmittance: Vec3::splat(transmittance), null_probability: Vec3::ONE }
+    }
 }
 
 impl<V: Voxel> Media for SingleGrey<'_, V> {
@@ -32,8 +42,8 @@ impl<V: Voxel> Media for SingleGrey<'_, V> {
             None => TentativeCollisions::new(field),
         };
         let nulls = &mut flown.null_probability;
-        // Delta-tracked shadow rays stop with the same probabilities: they cancel.
-        let count = !self.delta;
+        // Only the density of ratio tracking is known along null collisions; weights beside others leave them out.
+        let count = self.estimator == Estimator::Ratio;
         match delta_tracking(walk, rng, tally, |p| {
             if count {
                 *nulls *= p
@@ -56,12 +66,11 @@ impl<V: Voxel> Media for SingleGrey<'_, V> {
         let Some(span) = self.medium.span(ray.origin, ray.direction, t_max) else {
             return Shadow::CLEAR;
         };
-        let walk = TentativeCollisions::new(self.medium.ray(self.voxels, &span));
-        if self.delta {
-            let transmittance = Vec3::splat(delta_transmittance(walk, rng, tally));
-            return Shadow { transmittance, null_probability: Vec3::ONE };
+        if self.estimator != Estimator::Ratio {
+            return self.other(&span, threshold, rng, tally);
         }
-        let estimate = ratio_tracking_with_roulette(walk, threshold, rng, tally);
+        let walk = TentativeCollisions::new(self.medium.ray(self.voxels, &span));
+        let estimate = ratio_tracking_with_roulette(walk, Grey, threshold, rng, tally);
         Shadow {
             transmittance: Vec3::splat(estimate.transmittance),
             null_probability: Vec3::splat(estimate.null_probability),

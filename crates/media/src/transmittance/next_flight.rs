@@ -33,6 +33,11 @@ pub fn next_flight<F: RayField, C: Channels, R: Rng + ?Sized>(
                     sum = sum.times(C::Value::splat(-walk.depth_to_end()).exp());
                     break;
                 }
+                if weight.max_abs() == f32::INFINITY {
+                    // Only without a bound; later terms would make it NaN.
+                    sum = weight;
+                    break;
+                }
                 sum += weight;
             }
             Err(depth) => {

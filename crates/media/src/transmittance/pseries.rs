@@ -100,7 +100,12 @@ pub fn pseries_cumulative<F: RayField, C: Channels, R: Rng + ?Sized>(
             loop {
                 let step = factor(field, stretch, channels, rng, tally) * (1.0 / k);
                 let next = term.times(step);
-                let survive = next.max_abs().min(1.0);
+                let size = next.max_abs();
+                if size == f32::INFINITY {
+                    // Only without a bound. It would never shrink again.
+                    return next;
+                }
+                let survive = size.min(1.0);
                 if !(uniform(rng) < survive) {
                     break;
                 }

@@ -5,9 +5,9 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use glam::{DAffine3, DVec3};
-use pileus_media::transmittance::{delta_transmittance, ratio_tracking};
+use pileus_media::transmittance::Estimator;
 use pileus_media::{
-    Albedo, GridMedium, Interpolation, Phase, Span, Tally, TentativeCollisions, Voxel, VoxelGrid,
+    Albedo, Grey, GridMedium, Interpolation, Phase, Span, Tally, Voxel, VoxelGrid,
     VoxelGridOptions, VoxelKernel, optical_depth,
 };
 use pileus_scene::json::Document;
@@ -29,8 +29,6 @@ use crate::report::Report;
 
 /// Largest file of points or rays.
 const MAX_QUESTIONS: u64 = 1 << 30;
-/// Estimators of this version.
-const ESTIMATORS: [&str; 3] = ["regular", "delta", "ratio"];
 
 pub(crate) fn run(options: &ProbeOptions, report: &Report) -> Result<(), Failure> {
     match &options.question {
@@ -192,25 +190,14 @@ struct RayAnswer {
     dropped: u64,
 }
 
-#[derive(Clone, Copy, PartialEq)]
-enum Estimator {
-    Regular,
-    Delta,
-    Ratio,
-}
-
 fn transmittance(options: &TransmittanceOptions) -> Result<Value, Failure> {
-    let estimator = match options.estimator.as_str() {
-        "regular" => Estimator::Regular,
-        "delta" => Estimator::Delta,
-        "ratio" => Estimator::Ratio,
-        other => {
-            let near = pileus_scene::json::nearest(other, ESTIMATORS).unwrap_or_default();
-            return Err(Failure::usage(
-                format!("there is no estimator `{other}` in this version"),
-                format!("did you mean `{near}`? Available are {}", ESTIMATORS.join(", ")),
-            ));
-        }
+    let Some(estimator) = Estimator::from_name(&options.estimator) else {
+        let names = Estimator::ALL.map(Estimator::name);
+        let near = pileus_scene::json::nearest(&options.estimator, names).unwrap_or_default();
+        return Err(Failure::usage(
+            format!("there is no estimator `{}`", options.estimator),
+            format!("did you mean `{near}`? There are {}", names.join(", ")),
+        ));
     };
     if options.samples == 0 {
         return Err(Failure::usage("no samples", "take at least one"));
@@ -383,11 +370,8 @@ impl VoxelKernel for Walks<'_> {
 
     fn run<V: Voxel>(mut self, voxels: &[V]) {
         for _ in 0..self.samples {
-            let walk = TentativeCollisions::new(self.medium.ray(voxels, self.span));
-            let value = match self.estimator {
-                Estimator::Delta => delta_transmittance(walk, &mut self.rng, self.tally),
-                _ => ratio_tracking(walk, &mut self.rng, self.tally),
-            };
+            let field = self.medium.ray(voxels, self.span);
+            let value = self.estimator.estimate(field, Grey, 0.0, &mut self.rng, self.tally);
             self.moments.add(f64::from(value));
         }
     }

@@ -153,7 +153,7 @@ fn regular_tracking_gives_the_oracles_optical_depths() {
 /// 6.5 for each ray with a variance (false alarm below 1e-7 for all rays together).
 #[test]
 fn estimators_agree_with_the_oracle() {
-    for estimator in ["delta", "ratio"] {
+    for estimator in ["delta", "ratio", "pseries_cmf", "unbiased_ray_marching"] {
         let (answer, oracle) = rays("syn_sphere", estimator, "2000");
         let mut tested = 0;
         for (ray, expected) in
