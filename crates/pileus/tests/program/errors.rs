@@ -87,7 +87,7 @@ fn values_out_of_range_are_placed() {
         ("/camera", serde_json::json!({"node": "Camera"})),
         ("/gltf", serde_json::json!({"lumens_per_watt": 0})),
         ("/output/image", serde_json::json!("cloud.jpg")),
-        ("/sampling/transmittance", serde_json::json!("residual_ratio")),
+        ("/sampling/transmittance", serde_json::json!("rato")),
     ] {
         let (code, said) = check(&changed(pointer, value));
         assert_eq!(code, 3, "{pointer}: {said}");
@@ -180,7 +180,7 @@ fn wrong_command_lines_end_with_two() {
             "--rays",
             "r.json",
             "--estimator",
-            "taylor",
+            "tailor",
         ],
     ] {
         let output = run(folder.path(), &arguments);
