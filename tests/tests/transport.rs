@@ -470,3 +470,15 @@ fn every_estimator_gives_the_same_picture() {
         }
     }
 }
+
+/// Fog that fills all space and is clear in one channel: walks end, and the clear channel sees the environment unchanged.
+#[test]
+fn endless_fog_that_is_clear_in_one_channel() {
+    let fog =
+        pileus_media::HomogeneousMedium::new([1.0, 0.3, 0.0], None, [0.5; 3], hg(0.0)).unwrap();
+    let mut scene = scene(vec![Medium::Homogeneous(fog)], EYE, DVec3::ZERO, 24.0);
+    scene.environment.constant = Vec3::new(0.0, 0.0, 0.7);
+    scene.lights.push(sun(Vec3::Y, Vec3::splat(3.0), 0.0));
+    let image = rendered(&scene, &settings(256, 5));
+    assert_expected("endless fog", &image, |_, _| [0.0, 0.0, 0.7]);
+}

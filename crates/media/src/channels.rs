@@ -27,14 +27,10 @@ pub trait Spectrum:
     fn exp(self) -> Self;
     /// Largest magnitude.
     fn max_abs(self) -> f32;
-    /// One over each channel.
-    fn recip(self) -> Self;
     /// The product, zero wherever a factor is zero: estimates that overflow stay infinite and never become NaN.
     fn times(self, factor: Self) -> Self;
     /// `f` per channel.
     fn map(self, f: impl Fn(f32) -> f32) -> Self;
-    /// All channels as an array of three.
-    fn rgb(self) -> [f32; 3];
 }
 
 #[inline(always)]
@@ -58,19 +54,12 @@ impl Spectrum for f32 {
         self.abs()
     }
     #[inline(always)]
-    fn recip(self) -> f32 {
-        1.0 / self
-    }
-    #[inline(always)]
     fn times(self, factor: f32) -> f32 {
         times(self, factor)
     }
     #[inline(always)]
     fn map(self, f: impl Fn(f32) -> f32) -> f32 {
         f(self)
-    }
-    fn rgb(self) -> [f32; 3] {
-        [self; 3]
     }
 }
 
@@ -90,19 +79,12 @@ impl Spectrum for Vec3 {
         self.abs().max_element()
     }
     #[inline(always)]
-    fn recip(self) -> Vec3 {
-        Vec3::recip(self)
-    }
-    #[inline(always)]
     fn times(self, factor: Vec3) -> Vec3 {
         Vec3::new(times(self.x, factor.x), times(self.y, factor.y), times(self.z, factor.z))
     }
     #[inline(always)]
     fn map(self, f: impl Fn(f32) -> f32) -> Vec3 {
         Vec3::new(f(self.x), f(self.y), f(self.z))
-    }
-    fn rgb(self) -> [f32; 3] {
-        self.to_array()
     }
 }
 

@@ -36,9 +36,9 @@ pub(crate) struct Stretch {
 
 /// A point of a stretch.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct StretchPoint {
-    pub(crate) t: f32,
-    pub(crate) majorant: f32,
+struct StretchPoint {
+    t: f32,
+    majorant: f32,
 }
 
 impl Stretch {
@@ -57,11 +57,27 @@ impl Stretch {
 
     /// The point up to which the majorant depth is `depth`.
     #[inline(always)]
-    pub(crate) fn at_depth(&self, depth: f32) -> StretchPoint {
+    fn at_depth(&self, depth: f32) -> StretchPoint {
         let index = self.pieces.partition_point(|piece| piece.depth <= depth).max(1) - 1;
         let piece = &self.pieces[index];
         let t = (piece.t0 + (depth - piece.depth) / piece.majorant).min(piece.t1);
         StretchPoint { t, majorant: piece.majorant }
+    }
+
+    /// Extinction over majorant, per channel, at the point up to which the majorant depth is `depth`: one lookup.
+    #[inline(always)]
+    pub(crate) fn real_ratio<F: RayField, C: Channels>(
+        &self,
+        field: &F,
+        depth: f32,
+        channels: C,
+        tally: &mut Tally,
+    ) -> C::Value {
+        let point = self.at_depth(depth);
+        let sigma_t = field.sigma_t_anywhere(point.t);
+        tally.lookups += 1;
+        tally.violations += u64::from(sigma_t > point.majorant);
+        channels.of(sigma_t / point.majorant)
     }
 
     /// The point up to which the length of the segments is `length`.

@@ -11,12 +11,16 @@ use glam::{DVec3, Vec3};
 use pileus_media::random::{exponential, uniform};
 use pileus_media::transmittance::{Estimator, ratio_tracking_with_roulette};
 use pileus_media::{
-    AnyGridRay, ExactField, Grey, HomogeneousRay, MajorantSegment, Medium, Phase, RayField,
-    Relative, Spectrum, Tally, Tentative, TentativeCollisions,
+    AnyGridRay, Channels, ExactField, Grey, HomogeneousRay, MajorantSegment, Medium, Phase,
+    RayField, Relative, Spectrum, Tally, Tentative, TentativeCollisions,
 };
 use rand_core::Rng;
 use smallvec::SmallVec;
 use std::sync::Arc;
+
+/// The distance of neighbouring uniform numbers. A decision of a smaller probability `p > 0` would still happen this often, with the
+/// weight `1 / p`.
+const SMALLEST_UNIFORM: f32 = 1.0 / 16_777_216.0;
 
 /// All media of a scene, as a list.
 pub(crate) struct Overlapping<'a> {
@@ -135,6 +139,25 @@ fn endless(medium: &Medium, ray: &Ray, t_max: f64) -> bool {
             .is_some_and(|(_, length)| length == f32::INFINITY)
 }
 
+impl Overlapping<'_> {
+    /// Transmittance of one medium, and the null probability that weights count with it.
+    fn shadow<C: Channels, R: Rng>(
+        &self,
+        field: AnyRay<'_>,
+        channels: C,
+        threshold: f32,
+        rng: &mut R,
+        tally: &mut Tally,
+    ) -> (C::Value, C::Value) {
+        if self.estimator == Estimator::Ratio {
+            let walk = TentativeCollisions::new(field);
+            let estimate = ratio_tracking_with_roulette(walk, channels, threshold, rng, tally);
+            return (estimate.transmittance, estimate.null_probability);
+        }
+        (self.estimator.estimate(field, channels, threshold, rng, tally), C::Value::ONE)
+    }
+}
+
 impl Media for Overlapping<'_> {
     fn flight<R: Rng>(
         &self,
@@ -172,6 +195,9 @@ impl Media for Overlapping<'_> {
             } else {
                 real.max_element()
             };
+            // What is possible happens at least as often as a uniform number can say: the weight divides by the true frequency.
+            let probability =
+                if probability > 0.0 { probability.max(SMALLEST_UNIFORM) } else { 0.0 };
             if uniform(rng) < probability {
                 tally.collisions += 1;
                 flown.beta *= real / probability;
@@ -225,26 +251,14 @@ impl Media for Overlapping<'_> {
                 continue;
             };
             let relative = medium.relative_extinction();
-            let grey = relative == Vec3::ONE;
-            if self.estimator != Estimator::Ratio {
-                let estimator = self.estimator;
-                shadow.transmittance *= if grey {
-                    Vec3::splat(estimator.estimate(field, Grey, threshold, rng, tally))
-                } else {
-                    estimator.estimate(field, Relative(relative), threshold, rng, tally)
-                };
-            } else if grey {
-                let walk = TentativeCollisions::new(field);
-                let estimate = ratio_tracking_with_roulette(walk, Grey, threshold, rng, tally);
-                shadow.transmittance *= estimate.transmittance;
-                shadow.null_probability *= estimate.null_probability;
+            let (transmittance, null_probability) = if relative == Vec3::ONE {
+                let (t, n) = self.shadow(field, Grey, threshold, rng, tally);
+                (Vec3::splat(t), Vec3::splat(n))
             } else {
-                let walk = TentativeCollisions::new(field);
-                let channels = Relative(relative);
-                let estimate = ratio_tracking_with_roulette(walk, channels, threshold, rng, tally);
-                shadow.transmittance *= estimate.transmittance;
-                shadow.null_probability *= estimate.null_probability;
-            }
+                self.shadow(field, Relative(relative), threshold, rng, tally)
+            };
+            shadow.transmittance *= transmittance;
+            shadow.null_probability *= null_probability;
             if shadow.transmittance == Vec3::ZERO {
                 break;
             }

@@ -42,11 +42,8 @@ fn walk<F: RayField, C: Channels, R: Rng + ?Sized>(
             return vertices;
         }
         let from_start = if backward { stretch.depth - vertex.depth } else { vertex.depth };
-        let point = stretch.at_depth(from_start);
-        tally.lookups += 1;
-        let sigma_t = field.sigma_t_anywhere(point.t);
-        tally.violations += u64::from(sigma_t > point.majorant);
-        vertex.weight = vertex.weight.times(C::Value::ONE - channels.of(sigma_t / point.majorant));
+        let real = stretch.real_ratio(field, from_start, channels, tally);
+        vertex.weight = vertex.weight.times(C::Value::ONE - real);
         vertex.gaps += exp(gap);
         if vertex.weight.max_abs() == 0.0 {
             return vertices;

@@ -23,11 +23,8 @@ fn factor<F: RayField, C: Channels, R: Rng + ?Sized>(
     rng: &mut R,
     tally: &mut Tally,
 ) -> C::Value {
-    let point = stretch.at_depth(uniform(rng) * stretch.depth);
-    tally.lookups += 1;
-    let sigma_t = field.sigma_t_anywhere(point.t);
-    tally.violations += u64::from(sigma_t > point.majorant);
-    (C::Value::ONE - channels.of(sigma_t / point.majorant)) * stretch.depth
+    let depth = uniform(rng) * stretch.depth;
+    (C::Value::ONE - stretch.real_ratio(field, depth, channels, tally)) * stretch.depth
 }
 
 /// An unbiased estimate of the transmittance; exact where the majorant is tight.

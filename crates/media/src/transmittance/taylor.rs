@@ -42,9 +42,8 @@ pub fn taylor<F: RayField, C: Channels, R: Rng + ?Sized>(
         tally,
         |field, stretch, rng, tally| {
             let mut depth = |rng: &mut R| {
-                let point = stretch.at_depth(uniform(rng) * stretch.depth);
-                tally.lookups += 1;
-                channels.of(field.sigma_t_anywhere(point.t) / point.majorant * stretch.depth)
+                let depth = uniform(rng) * stretch.depth;
+                stretch.real_ratio(field, depth, channels, tally) * stretch.depth
             };
             match order {
                 TaylorOrder::Poisson(mean) => {

@@ -2,6 +2,7 @@
 
 use super::comb::comb;
 use crate::channels::{Channels, Spectrum};
+use crate::elementary::{exp, ln};
 use crate::field::RayField;
 use crate::random::uniform;
 use crate::stretch::product_over_stretches;
@@ -18,7 +19,9 @@ const MEAN_ORDER: f32 = 0.319_45;
 
 /// Lookups worth spending on a residual depth (majorant less minorant): the fit of Kettunen et al. 2021.
 fn lookups_for(residual: f32) -> f32 {
-    ((0.015 + residual) * (0.65 + residual) * (60.3 + residual)).cbrt().ceil()
+    let cube = (0.015 + residual) * (0.65 + residual) * (60.3 + residual);
+    // A cube root with the same bits on every machine.
+    exp(ln(cube) * (1.0 / 3.0)).ceil()
 }
 
 /// An unbiased, possibly negative estimate of the transmittance; without variance for constant extinction, and for linear extinction but for rounding.

@@ -39,9 +39,7 @@ pub fn volterra<F: RayField, C: Channels, R: Rng + ?Sized>(
                     return sum;
                 }
                 from = (from + uniform(rng) * left).min(stretch.depth);
-                let point = stretch.at_depth(from);
-                tally.lookups += 1;
-                let step = channels.of(field.sigma_t_anywhere(point.t) / point.majorant);
+                let step = stretch.real_ratio(field, from, channels, tally);
                 weight = weight.times(step * (-left / survive));
                 sum += weight;
             }
