@@ -135,7 +135,7 @@ impl Plan {
         };
         if mis && transmittance != Estimator::Ratio {
             reasons.push(format!(
-                "{} has no density of its own along a path: weights know directions alone, not null collisions",
+                "{} has no density of its own along a path: weights leave null collisions out",
                 transmittance.name()
             ));
         }
