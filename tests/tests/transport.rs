@@ -2,8 +2,11 @@
 #![allow(clippy::print_stdout, reason = "figures are worth reading beside a verdict")]
 
 use glam::{DVec3, Vec3};
-use pileus_film::Filter;
-use pileus_integrator::{LightSampling, RenderSettings, Transmittance};
+use pileus_film::{Film, Filter};
+use pileus_integrator::{
+    Distance, LightSampling, Plan, RenderSettings, Transmittance, Unmonitored, render,
+};
+use pileus_media::distance::DistanceSampler;
 use pileus_media::phase::ISOTROPIC;
 use pileus_media::transmittance::Estimator;
 use pileus_media::{HomogeneousMedium, Medium, Phase, random::uniform};
@@ -468,6 +471,100 @@ fn every_estimator_gives_the_same_picture() {
                 }
             }
         }
+    }
+}
+
+/// Every sampler of flights gives delta tracking's picture, also with weights against shadow rays, with channels, in a list of media, with
+/// majorants that are looser than need be or do not hold, and beside regular tracking's shadow rays, whose density is known.
+#[test]
+fn every_sampler_gives_the_same_picture() {
+    let at = DVec3::new(-0.2, 1.3, 0.4);
+    for (name, sigma_t) in [("grey", [3.0f32; 3]), ("channels", [4.0, 1.5, 0.0])] {
+        for list in [false, true] {
+            let mut media = vec![lumpy_grid(1.0, sigma_t, [0.9, 0.8, 0.7], hg(0.3))];
+            if list {
+                media.push(cube_homogeneous(0.6, [0.5, 0.5, 0.5], [0.5; 3], hg(0.0)));
+                media.push(cube_homogeneous(0.7, [0.2, 0.5, 0.0], [0.8; 3], hg(0.0)));
+            }
+            let mut scene = scene(media, EYE, DVec3::ZERO, 24.0);
+            scene.lights.push(sun(Vec3::new(0.5, 0.8, 0.6), Vec3::splat(3.0), 0.9));
+            scene.lights.push(Light::Point(Point { position: at, intensity: Vec3::splat(2.0) }));
+            scene.environment.constant = Vec3::splat(0.1);
+            let by = |distance, majorant_scale, estimator, seed| {
+                let transmittance = Transmittance::By(estimator);
+                let base = settings(48, seed);
+                RenderSettings { distance, majorant_scale, transmittance, ..base }
+            };
+            let reference = rendered(&scene, &by(Distance::Auto, 1.0, Estimator::Ratio, 1));
+            let mut seed = 2;
+            let check = |what: String, settings: RenderSettings| {
+                let plan = Plan::new(&scene, &settings).unwrap();
+                let mut film = Film::new(scene.camera.resolution(), None).unwrap();
+                let counters = render(&scene, &plan, &settings, &mut film, &Unmonitored).unwrap();
+                assert_eq!(counters.dropped, 0);
+                assert_eq!(counters.violations > 0, settings.majorant_scale < 1.0, "{what}");
+                let (image, variance) = (film.image(), film.variance());
+                assert_same(&what, &reference, &Rendered { image, variance, film, counters });
+            };
+            for sampler in DistanceSampler::ALL {
+                // Analytic flights are refused for grids.
+                if !sampler.is_unbiased() || sampler == DistanceSampler::Analytic {
+                    continue;
+                }
+                for estimator in [Estimator::Ratio, Estimator::Regular, Estimator::ResidualRatio] {
+                    seed += 1;
+                    let what = format!("{name} {list}: {} {}", sampler.name(), estimator.name());
+                    check(what, by(Distance::By(sampler), 1.0, estimator, seed));
+                }
+            }
+            check(
+                format!("{name} {list}: equiangular"),
+                by(Distance::Equiangular, 1.0, Estimator::Ratio, 50),
+            );
+            check(format!("{name} {list}: loose"), by(Distance::Auto, 4.0, Estimator::Ratio, 51));
+            check(format!("{name} {list}: broken"), by(Distance::Auto, 0.8, Estimator::Ratio, 52));
+        }
+    }
+}
+
+/// A small light in thin smoke: equiangular points lower the noise by a large factor at equal samples. And what a scene does not have, or what
+/// cannot be done, is said.
+#[test]
+fn equiangular_points_serve_lights_in_thin_media() {
+    let medium = lumpy_grid(1.0, [0.05; 3], [0.9; 3], hg(0.0));
+    let mut scene = scene(vec![medium], EYE, DVec3::ZERO, 24.0);
+    let light = Point { position: DVec3::new(0.1, 0.05, 0.02), intensity: Vec3::ONE };
+    scene.lights.push(Light::Point(light));
+    let by = |distance| rendered(&scene, &RenderSettings { distance, ..settings(64, 7) });
+    let (flights, points) = (by(Distance::Auto), by(Distance::Equiangular));
+    assert_same("thin", &flights, &points);
+    let mean_variance = |r: &Rendered| {
+        let plane = r.variance.channel("G").unwrap();
+        plane.iter().map(|v| f64::from(*v)).sum::<f64>() / plane.len() as f64
+    };
+    let gain = mean_variance(&flights) / mean_variance(&points);
+    println!("variance: flights / equiangular = {gain:.1}");
+    assert!(gain > 10.0, "{gain}");
+    let plan =
+        Plan::new(&scene, &RenderSettings { distance: Distance::Equiangular, ..settings(1, 1) })
+            .unwrap();
+    assert_eq!(plan.distance, Distance::Equiangular);
+    scene.lights.clear();
+    let plan =
+        Plan::new(&scene, &RenderSettings { distance: Distance::Equiangular, ..settings(1, 1) })
+            .unwrap();
+    assert_eq!(plan.distance, Distance::By(DistanceSampler::Delta));
+    for (distance, majorant_scale, estimator) in [
+        (Distance::By(DistanceSampler::Analytic), 1.0, Estimator::Ratio),
+        (Distance::By(DistanceSampler::Delta), 0.5, Estimator::Ratio),
+        (Distance::Auto, 0.5, Estimator::Delta),
+        (Distance::Auto, 0.0, Estimator::Ratio),
+        (Distance::Auto, f32::NAN, Estimator::Ratio),
+    ] {
+        let transmittance = Transmittance::By(estimator);
+        let settings = RenderSettings { distance, majorant_scale, transmittance, ..settings(1, 1) };
+        let error = Plan::new(&scene, &settings).unwrap_err().to_string();
+        assert!(!error.is_empty());
     }
 }
 

@@ -153,6 +153,22 @@ impl Lights {
         self.targets.len()
     }
 
+    /// Index and position of the point-like lights.
+    pub(crate) fn positions(&self) -> impl Iterator<Item = (usize, DVec3)> {
+        self.targets.iter().enumerate().filter_map(|(index, target)| match target {
+            Target::Position { position, .. } => Some((index, *position)),
+            _ => None,
+        })
+    }
+
+    /// Position of light `index`, if it is point-like.
+    pub(crate) fn position(&self, index: usize) -> Option<DVec3> {
+        match &self.targets[index] {
+            Target::Position { position, .. } => Some(*position),
+            _ => None,
+        }
+    }
+
     /// Whether a path can run into what shadow rays are sent to, so that both must be weighted.
     pub(crate) fn need_mis(&self) -> bool {
         self.targets.iter().chain(&self.paths_only).any(Target::met_by_paths)

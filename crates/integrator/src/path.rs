@@ -4,6 +4,8 @@
 //! What both can reach (the bright part of an environment image, a sun's disc) is weighted by the balance heuristic over the
 //! densities of the whole null-scattering path. Both walks share the majorants, so all exponentials cancel: the ratio of the light
 //! sampling's density to the path sampling's is `p_light / (p_phase * product of null probabilities)`.
+//!
+//! Equiangular points near point-like lights [Kulla and Fajardo 2012] are weighted against flights by a density that stands for theirs.
 
 use crate::counters::Counters;
 use crate::lights::Lights;
@@ -11,6 +13,7 @@ use crate::media::{Flown, Media, Ray};
 use crate::sampler::PathSampler;
 use glam::{DVec3, Vec3};
 use pileus_film::PixelSample;
+use pileus_media::distance::Equiangular;
 use pileus_media::phase::ISOTROPIC;
 use pileus_media::random::uniform;
 use pileus_media::{Phase, Tally};
@@ -32,6 +35,9 @@ pub(crate) struct Kernel<'a, M> {
     pub(crate) lights: &'a Lights,
     pub(crate) environment: &'a Environment,
     pub(crate) max_bounces: u32,
+    /// Extinction, 1/length, by which flights are taken to be distributed when they are weighted against equiangular points. Any positive value
+    /// is unbiased.
+    pub(crate) typical_sigma_t: f64,
 }
 
 /// Where the last flight began, for the weights of light it may run into.
@@ -45,9 +51,10 @@ struct Vertex {
 }
 
 impl<M: Media> Kernel<'_, M> {
-    /// Traces one path. `MIS`: some light can be met both by shadow rays and by paths.
+    /// Traces one path. `MIS`: some light can be met both by shadow rays and by paths. `EQUIANGULAR`: points seen by point-like lights at equal
+    /// angles are sampled besides flights.
     #[inline(always)]
-    pub(crate) fn trace<const MIS: bool>(
+    pub(crate) fn trace<const MIS: bool, const EQUIANGULAR: bool>(
         &self,
         mut ray: Ray,
         sampler: &mut PathSampler,
@@ -62,6 +69,13 @@ impl<M: Media> Kernel<'_, M> {
             Some(pileus_media::random::exponential_from((first * 4_294_967_296.0) as u32));
         let mut vertex: Option<Vertex> = None;
         loop {
+            let part = if EQUIANGULAR { self.media.extent(&ray) } else { None };
+            if EQUIANGULAR
+                && bounces < self.max_bounces
+                && let Some(part) = part
+            {
+                radiance += self.equiangular(&ray, part, beta, sampler, &mut tally, counters);
+            }
             let mut flown = Flown { beta, null_probability: 1.0 };
             let collision = self.media.flight(&ray, first.take(), &mut flown, sampler, &mut tally);
             beta = flown.beta;
@@ -90,8 +104,10 @@ impl<M: Media> Kernel<'_, M> {
                 [uniform(sampler), uniform(sampler), uniform(sampler), uniform(sampler)]
             };
             if !self.lights.is_empty() {
-                let shadow = Shading { p, direction: ray.direction, phase, beta, strongest };
-                radiance += self.next_event::<MIS>(
+                let flight = Flight { ray: &ray, part, t: collision.t };
+                let shadow =
+                    Shading { p, direction: ray.direction, phase, beta, strongest, flight };
+                radiance += self.next_event::<MIS, EQUIANGULAR>(
                     &shadow,
                     [u_light, u_shadow],
                     sampler,
@@ -152,9 +168,9 @@ impl<M: Media> Kernel<'_, M> {
 
     /// Radiance scattered at a vertex from one light, by a shadow ray.
     #[inline(always)]
-    fn next_event<const MIS: bool>(
+    fn next_event<const MIS: bool, const EQUIANGULAR: bool>(
         &self,
-        at: &Shading,
+        at: &Shading<'_>,
         u: [f32; 2],
         sampler: &mut PathSampler,
         tally: &mut Tally,
@@ -191,12 +207,104 @@ impl<M: Media> Kernel<'_, M> {
             let pdf_light = light.pdf * choice.probability;
             weight *= pdf_light / (pdf_light + value * nulls);
         }
+        if EQUIANGULAR
+            && let Some(position) = self.lights.position(choice.index)
+            && let Some(part) = at.flight.part
+        {
+            weight *=
+                1.0 - self.equiangular_weight(at.flight.ray, part, position, at.flight.t) as f32;
+        }
         at.beta * shadow.transmittance * light.weight * weight
     }
 }
 
+impl<M: Media> Kernel<'_, M> {
+    /// Weight of an equiangular point at `t` against a flight that ends there: the balance heuristic between the density of the points and that
+    /// of flights in a medium of typical extinction. A function of ray, light and `t` alone, the same for both techniques: whatever it is, the
+    /// sum of both is unbiased.
+    fn equiangular_weight(&self, ray: &Ray, part: (f64, f64), light: DVec3, t: f64) -> f64 {
+        let Some(points) = Equiangular::new(ray.origin, ray.direction, light, part) else {
+            return 0.0;
+        };
+        let share = points.received() / self.received_from_all(ray, part);
+        let pdf = share * points.pdf(t);
+        let flights = self.typical_sigma_t * (-self.typical_sigma_t * (t - part.0)).exp();
+        if pdf > 0.0 { pdf / (pdf + flights) } else { 0.0 }
+    }
+
+    /// Sum over the point-like lights of what a part of a ray receives: a light is chosen in proportion.
+    fn received_from_all(&self, ray: &Ray, part: (f64, f64)) -> f64 {
+        self.lights
+            .positions()
+            .filter_map(|(_, light)| Equiangular::new(ray.origin, ray.direction, light, part))
+            .map(|points| points.received())
+            .sum()
+    }
+
+    /// Radiance scattered into a ray from one point-like light at one point seen from it at equal angles, with its weight against flights.
+    #[inline(never)]
+    fn equiangular(
+        &self,
+        ray: &Ray,
+        part: (f64, f64),
+        beta: Vec3,
+        sampler: &mut PathSampler,
+        tally: &mut Tally,
+        counters: &mut Counters,
+    ) -> Vec3 {
+        let total = self.received_from_all(ray, part);
+        let mut u = f64::from(uniform(sampler)) * total;
+        let mut chosen = None;
+        for (index, light) in self.lights.positions() {
+            if let Some(points) = Equiangular::new(ray.origin, ray.direction, light, part) {
+                chosen = Some((index, light, points));
+                if u < points.received() {
+                    break;
+                }
+                u -= points.received();
+            }
+        }
+        let (t, Some((index, light, points))) = (uniform(sampler), chosen) else {
+            return Vec3::ZERO;
+        };
+        let t = points.sample(t);
+        let weight = self.equiangular_weight(ray, part, light, t);
+        let pdf = points.received() / total * points.pdf(t);
+        let p = ray.at(t);
+        let Some(sample) = self.lights.sample(index, p, [0.0; 2]) else {
+            return Vec3::ZERO;
+        };
+        let mut scattered = Vec3::ZERO;
+        self.media.scattering(p, |sigma_s, phase| {
+            scattered += sigma_s * phase.eval(ray.direction.dot(sample.wi));
+        });
+        tally.lookups += 1;
+        let unshadowed = beta * scattered * sample.weight * (weight / pdf) as f32;
+        if !(unshadowed.max_element() > 0.0) {
+            return Vec3::ZERO;
+        }
+        counters.shadow_rays += 1;
+        let there = self.media.transmittance(ray, t, SHADOW_ROULETTE, sampler, tally);
+        if there.transmittance == Vec3::ZERO {
+            return Vec3::ZERO;
+        }
+        let to_light = Ray { origin: p, direction: sample.wi };
+        let on =
+            self.media.transmittance(&to_light, sample.distance, SHADOW_ROULETTE, sampler, tally);
+        unshadowed * there.transmittance * on.transmittance
+    }
+}
+
+/// How a vertex was reached.
+struct Flight<'a> {
+    ray: &'a Ray,
+    /// Of the ray, what equiangular points cover.
+    part: Option<(f64, f64)>,
+    t: f64,
+}
+
 /// A vertex at which light is gathered.
-struct Shading {
+struct Shading<'a> {
     p: DVec3,
     /// Propagation direction of the path that arrives.
     direction: Vec3,
@@ -204,4 +312,5 @@ struct Shading {
     /// Throughput, with the albedo of this vertex.
     beta: Vec3,
     strongest: f32,
+    flight: Flight<'a>,
 }

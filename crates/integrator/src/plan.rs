@@ -2,7 +2,9 @@
 
 use crate::Error;
 use crate::lights::Lights;
+use crate::media::Methods;
 use crate::settings::{Distance, RenderSettings, Transmittance};
+use pileus_media::distance::DistanceSampler;
 use pileus_media::transmittance::Estimator;
 use pileus_media::{Albedo, Medium, Phase};
 use pileus_scene::{Light, Scene};
@@ -52,6 +54,13 @@ pub struct Plan {
     pub distance: Distance,
     /// Transmittance estimator in use.
     pub transmittance: Transmittance,
+    /// Whether points seen by point-like lights at equal angles are sampled besides flights.
+    #[serde(skip)]
+    pub(crate) equiangular: bool,
+    #[serde(skip)]
+    pub(crate) methods: Methods,
+    /// Factor on the majorants of grids.
+    pub majorant_scale: f32,
     /// What makes the mean of the image differ from the truth, by its settings' names.
     pub biased: Vec<String>,
     /// Majorant structure in use.
@@ -96,9 +105,10 @@ impl Plan {
             KernelKind::Overlapping if grey => {
                 format!("{} media: collisions are taken in order along the ray", volumes.len())
             }
-            KernelKind::Overlapping => "extinction differs per channel: one walk on the strongest channel's majorant, real or null \
-                 decided by the throughput-weighted mean of the channels"
-                .to_owned(),
+            KernelKind::Overlapping => {
+                "extinction differs per channel: throughput and transmittance have three channels"
+                    .to_owned()
+            }
         });
         let lights = Lights::new(scene, settings.light_sampling);
         let suns = scene.lights.iter().filter(|l| matches!(l, Light::Sun(_))).count();
@@ -123,25 +133,39 @@ impl Plan {
                     .into(),
             );
         }
-        let transmittance = match settings.transmittance {
-            Transmittance::Auto => {
-                reasons.push(
-                    "transmittance by ratio tracking: unbiased, never noisier than delta tracking"
-                        .into(),
-                );
-                Estimator::Ratio
-            }
-            Transmittance::By(estimator) => estimator,
-        };
-        if mis && transmittance != Estimator::Ratio {
+        let methods = choose(scene, settings, grey, &mut reasons)?;
+        let equiangular = settings.distance == Distance::Equiangular
+            && lights.positions().next().is_some()
+            && !volumes.is_empty();
+        if settings.distance == Distance::Equiangular {
+            reasons.push(
+                if equiangular {
+                    "points seen by point-like lights at equal angles, weighted against flights by a density that stands for theirs"
+                } else {
+                    "no point or spot light that equiangular points could be aimed at: flights alone"
+                }
+                .into(),
+            );
+        }
+        if mis && !methods.weigh_the_way() {
             reasons.push(format!(
-                "{} has no density of its own along a path: weights leave null collisions out",
-                transmittance.name()
+                "{} and {} have no common density along a path: weights leave the way out",
+                methods.distance.name(),
+                methods.transmittance.name()
             ));
         }
         let mut biased = Vec::new();
-        if !transmittance.is_unbiased() {
-            biased.push(format!("transmittance {}: shadows are too bright", transmittance.name()));
+        if !methods.transmittance.is_unbiased() {
+            biased.push(format!(
+                "transmittance {}: shadows are too bright",
+                methods.transmittance.name()
+            ));
+        }
+        if !methods.distance.is_unbiased() {
+            biased.push(format!(
+                "distance {}: volumes are too transparent and too smooth",
+                methods.distance.name()
+            ));
         }
         if let Some(n) = settings.max_bounces {
             biased.push(format!("max_bounces {n}: longer paths are cut"));
@@ -149,10 +173,15 @@ impl Plan {
         Ok(Plan {
             kernel,
             mis,
-            distance: match settings.distance {
-                Distance::Auto | Distance::Delta => Distance::Delta,
+            distance: if equiangular {
+                Distance::Equiangular
+            } else {
+                Distance::By(methods.distance)
             },
-            transmittance: Transmittance::By(transmittance),
+            transmittance: Transmittance::By(methods.transmittance),
+            equiangular,
+            methods,
+            majorant_scale: settings.majorant_scale,
             biased,
             majorants: "hierarchical walk, cells of 4, 8, 16, ... voxels by expected collisions",
             shadow_ray_lights: lights.len(),
@@ -171,6 +200,78 @@ impl Plan {
             KernelKind::Overlapping => "overlapping",
         }
     }
+}
+
+/// The methods for flights and shadow rays.
+fn choose(
+    scene: &Scene,
+    settings: &RenderSettings,
+    grey: bool,
+    reasons: &mut Vec<String>,
+) -> Result<Methods, Error> {
+    for volume in &scene.volumes {
+        if let Err(error) = volume.medium.with_majorants_scaled(settings.majorant_scale) {
+            return Err(Error::Invalid {
+                what: format!("volume `{}`: {error}", volume.name),
+                remedy: "set sampling.majorant_scale to 1".into(),
+            });
+        }
+    }
+    let bounded = settings.majorant_scale >= 1.0;
+    let distance = match settings.distance {
+        Distance::By(sampler) => sampler,
+        Distance::Auto | Distance::Equiangular if !bounded => DistanceSampler::WeightedDelta,
+        Distance::Auto | Distance::Equiangular if grey => DistanceSampler::Delta,
+        Distance::Auto | Distance::Equiangular => DistanceSampler::Spectral,
+    };
+    if distance == DistanceSampler::Spectral && !grey {
+        reasons.push(
+            "one flight for all channels on the strongest one's majorant, real or null decided by their throughput-weighted mean"
+                .into(),
+        );
+    }
+    if distance == DistanceSampler::Analytic
+        && let Some(grid) = scene.volumes.iter().find(|v| matches!(*v.medium, Medium::Grid(_)))
+    {
+        return Err(Error::Invalid {
+            what: format!(
+                "sampling.distance is analytic, but volume `{}` is a grid: closed forms need constant extinction",
+                grid.name
+            ),
+            remedy: "use `regular`, which inverts the depth of a grid exactly, or `auto`".into(),
+        });
+    }
+    if !bounded && !distance.is_unbiased_without_bounds() && distance.is_unbiased() {
+        return Err(Error::Invalid {
+            what: format!(
+                "sampling.distance is {}, which needs bounds that hold, but sampling.majorant_scale is {}",
+                distance.name(),
+                settings.majorant_scale
+            ),
+            remedy: "use `weighted_delta` or `regular`, or a scale of at least 1".into(),
+        });
+    }
+    let transmittance = match settings.transmittance {
+        Transmittance::Auto => {
+            reasons.push(
+                "transmittance by ratio tracking: unbiased, never noisier than delta tracking"
+                    .into(),
+            );
+            Estimator::Ratio
+        }
+        Transmittance::By(estimator) => estimator,
+    };
+    if !bounded && matches!(transmittance, Estimator::Delta | Estimator::ResidualRatio) {
+        return Err(Error::Invalid {
+            what: format!(
+                "sampling.transmittance is {}, which needs bounds that hold, but sampling.majorant_scale is {}",
+                transmittance.name(),
+                settings.majorant_scale
+            ),
+            remedy: "use another estimator, or a scale of at least 1".into(),
+        });
+    }
+    Ok(Methods { distance, transmittance })
 }
 
 fn describe(name: &str, medium: &Medium) -> PlannedVolume {
@@ -217,6 +318,9 @@ impl fmt::Display for Plan {
         writeln!(f, "distance       {}", self.distance.name())?;
         writeln!(f, "transmittance  {}", self.transmittance.name())?;
         writeln!(f, "majorants      {}", self.majorants)?;
+        if self.majorant_scale != 1.0 {
+            writeln!(f, "               times {}", self.majorant_scale)?;
+        }
         writeln!(
             f,
             "shadow rays    to {} lights{}",

@@ -7,9 +7,9 @@ use crate::media::{Media, Overlapping, Ray, SingleGrey};
 use crate::path::Kernel;
 use crate::plan::{KernelKind, Plan};
 use crate::sampler::PathSampler;
-use crate::settings::{RenderSettings, Transmittance};
+use crate::settings::RenderSettings;
+use glam::DVec3;
 use pileus_film::{Film, PixelSample, Tile};
-use pileus_media::transmittance::Estimator;
 use pileus_media::{GridMedium, Medium, Voxel, VoxelKernel};
 use pileus_scene::Scene;
 use rayon::prelude::*;
@@ -83,9 +83,12 @@ pub fn sample_pixel(
     }
     impl Job for One<'_> {
         type Output = PixelSample;
-        fn run<M: Media, const MIS: bool>(&mut self, kernel: &Kernel<'_, M>) -> PixelSample {
+        fn run<M: Media, const MIS: bool, const EQUIANGULAR: bool>(
+            &mut self,
+            kernel: &Kernel<'_, M>,
+        ) -> PixelSample {
             let mut counters = Counters::default();
-            trace::<M, MIS>(
+            trace::<M, MIS, EQUIANGULAR>(
                 kernel,
                 self.scene,
                 self.settings,
@@ -102,7 +105,20 @@ pub fn sample_pixel(
 /// Work that is compiled for each kernel.
 trait Job {
     type Output;
-    fn run<M: Media, const MIS: bool>(&mut self, kernel: &Kernel<'_, M>) -> Self::Output;
+    fn run<M: Media, const MIS: bool, const EQUIANGULAR: bool>(
+        &mut self,
+        kernel: &Kernel<'_, M>,
+    ) -> Self::Output;
+}
+
+/// Compiles a job's kernel with what the plan needs.
+fn run_planned<J: Job, M: Media>(plan: &Plan, job: &mut J, kernel: &Kernel<'_, M>) -> J::Output {
+    match (plan.mis, plan.equiangular) {
+        (false, false) => job.run::<M, false, false>(kernel),
+        (true, false) => job.run::<M, true, false>(kernel),
+        (false, true) => job.run::<M, false, true>(kernel),
+        (true, true) => job.run::<M, true, true>(kernel),
+    }
 }
 
 /// The one place where a plan turns into a compiled kernel.
@@ -113,42 +129,48 @@ fn dispatch<J: Job>(
     settings: &RenderSettings,
     job: &mut J,
 ) -> J::Output {
-    let estimator = match plan.transmittance {
-        Transmittance::Auto => Estimator::Ratio,
-        Transmittance::By(estimator) => estimator,
-    };
-    let media: Vec<Arc<Medium>> = scene.volumes.iter().map(|v| Arc::clone(&v.medium)).collect();
+    let media: Vec<Arc<Medium>> = scene
+        .volumes
+        .iter()
+        .map(|volume| match volume.medium.with_majorants_scaled(settings.majorant_scale) {
+            Ok(scaled) if settings.majorant_scale != 1.0 => Arc::new(scaled),
+            // The plan has refused scales that are out of range.
+            _ => Arc::clone(&volume.medium),
+        })
+        .collect();
     let max_bounces = settings.max_bounces.unwrap_or(u32::MAX);
+    let typical_sigma_t = if plan.equiangular { typical_sigma_t(scene) } else { 0.0 };
     if let (KernelKind::SingleGrey, [medium]) = (plan.kernel, media.as_slice())
         && let Medium::Grid(medium) = &**medium
     {
         return medium.with_voxels(Single {
             medium,
-            estimator,
+            plan,
             scene,
             lights,
             max_bounces,
-            mis: plan.mis,
+            typical_sigma_t,
             job,
         });
     }
     let kernel = Kernel {
-        media: Overlapping { media: &media, estimator },
+        media: Overlapping { media: &media, methods: plan.methods },
         lights,
         environment: &scene.environment,
         max_bounces,
+        typical_sigma_t,
     };
-    if plan.mis { job.run::<_, true>(&kernel) } else { job.run::<_, false>(&kernel) }
+    run_planned(plan, job, &kernel)
 }
 
 /// The grey single-grid kernel, waiting for its voxel type.
 struct Single<'a, J> {
     medium: &'a GridMedium,
-    estimator: Estimator,
+    plan: &'a Plan,
     scene: &'a Scene,
     lights: &'a Lights,
     max_bounces: u32,
-    mis: bool,
+    typical_sigma_t: f64,
     job: &'a mut J,
 }
 
@@ -156,18 +178,45 @@ impl<J: Job> VoxelKernel for Single<'_, J> {
     type Output = J::Output;
     fn run<V: Voxel>(self, voxels: &[V]) -> J::Output {
         let kernel = Kernel {
-            media: SingleGrey { medium: self.medium, voxels, estimator: self.estimator },
+            media: SingleGrey { medium: self.medium, voxels, methods: self.plan.methods },
             lights: self.lights,
             environment: &self.scene.environment,
             max_bounces: self.max_bounces,
+            typical_sigma_t: self.typical_sigma_t,
         };
-        if self.mis { self.job.run::<_, true>(&kernel) } else { self.job.run::<_, false>(&kernel) }
+        run_planned(self.plan, self.job, &kernel)
     }
+}
+
+/// Points per axis at which media are looked up for their typical extinction.
+const TYPICAL_LATTICE: u32 = 12;
+
+/// Mean extinction over the media's boxes, summed over media, 1/length: what the weights of equiangular points take for the flights' rate.
+fn typical_sigma_t(scene: &Scene) -> f64 {
+    let mut sum = 0.0;
+    for volume in &scene.volumes {
+        sum += match (&*volume.medium, volume.medium.bounds_world()) {
+            (Medium::Homogeneous(medium), _) => f64::from(medium.scale()),
+            (Medium::Grid(medium), Some((low, high))) => {
+                let n = TYPICAL_LATTICE;
+                let at = |i: u32| (f64::from(i) + 0.5) / f64::from(n);
+                let mut total = 0.0;
+                for i in 0..n.pow(3) {
+                    let u = DVec3::new(at(i % n), at(i / n % n), at(i / (n * n)));
+                    total += medium.sigma_t_at(low + (high - low) * u);
+                }
+                total / f64::from(n.pow(3))
+            }
+            (Medium::Grid(_), None) => 0.0,
+        };
+    }
+    // Without extinction nothing is scattered, whatever the weights are.
+    if sum > 0.0 { sum } else { 1.0 }
 }
 
 /// Traces one sample of one pixel.
 #[inline(always)]
-fn trace<M: Media, const MIS: bool>(
+fn trace<M: Media, const MIS: bool, const EQUIANGULAR: bool>(
     kernel: &Kernel<'_, M>,
     scene: &Scene,
     settings: &RenderSettings,
@@ -181,7 +230,7 @@ fn trace<M: Media, const MIS: bool>(
     let film =
         [f64::from(x) + 0.5 + f64::from(offset[0]), f64::from(y) + 0.5 + f64::from(offset[1])];
     let (origin, direction) = scene.camera.ray(film);
-    kernel.trace::<MIS>(Ray { origin, direction }, &mut sampler, first, counters)
+    kernel.trace::<MIS, EQUIANGULAR>(Ray { origin, direction }, &mut sampler, first, counters)
 }
 
 struct Run<'a> {
@@ -194,7 +243,10 @@ struct Run<'a> {
 impl Job for Run<'_> {
     type Output = Counters;
 
-    fn run<M: Media, const MIS: bool>(&mut self, kernel: &Kernel<'_, M>) -> Counters {
+    fn run<M: Media, const MIS: bool, const EQUIANGULAR: bool>(
+        &mut self,
+        kernel: &Kernel<'_, M>,
+    ) -> Counters {
         let tiles = self.film.tiles(self.settings.tile_size);
         let range = self.settings.samples.clone();
         let crop = self.film.crop();
@@ -208,7 +260,7 @@ impl Job for Run<'_> {
             let pass = next..(next + length).min(range.end);
             let start = Instant::now();
             let Some((rendered, pass_counters)) =
-                self.pass::<M, MIS>(kernel, &tiles, pass.clone(), &done, total)
+                self.pass::<M, MIS, EQUIANGULAR>(kernel, &tiles, pass.clone(), &done, total)
             else {
                 break;
             };
@@ -232,7 +284,7 @@ impl Job for Run<'_> {
 
 impl Run<'_> {
     /// One pass over all tiles; `None` if it was cancelled.
-    fn pass<M: Media, const MIS: bool>(
+    fn pass<M: Media, const MIS: bool, const EQUIANGULAR: bool>(
         &self,
         kernel: &Kernel<'_, M>,
         tiles: &[(u32, u32, u32, u32)],
@@ -251,7 +303,7 @@ impl Run<'_> {
                 for y in y0..y0 + height {
                     for x in x0..x0 + width {
                         for sample in samples.clone() {
-                            let value = trace::<M, MIS>(
+                            let value = trace::<M, MIS, EQUIANGULAR>(
                                 kernel,
                                 self.scene,
                                 self.settings,

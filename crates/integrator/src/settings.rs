@@ -1,6 +1,7 @@
 //! How a scene is to be sampled.
 
 use pileus_film::Filter;
+use pileus_media::distance::DistanceSampler;
 use pileus_media::transmittance::Estimator;
 use std::ops::Range;
 
@@ -31,14 +32,15 @@ impl serde::Serialize for Transmittance {
 }
 
 /// How distances are sampled.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
-#[serde(rename_all = "snake_case")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Distance {
     /// What the plan finds best for the scene.
     #[default]
     Auto,
-    /// Delta tracking on local majorants.
-    Delta,
+    /// By this sampler of free flights.
+    By(DistanceSampler),
+    /// The plan's flights, and points seen by point-like lights at equal angles; weighted against each other.
+    Equiangular,
 }
 
 impl Distance {
@@ -46,8 +48,15 @@ impl Distance {
     pub fn name(self) -> &'static str {
         match self {
             Distance::Auto => "auto",
-            Distance::Delta => "delta",
+            Distance::By(sampler) => sampler.name(),
+            Distance::Equiangular => "equiangular",
         }
+    }
+}
+
+impl serde::Serialize for Distance {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(self.name())
     }
 }
 
@@ -77,6 +86,8 @@ pub struct RenderSettings {
     pub transmittance: Transmittance,
     /// How distances are sampled.
     pub distance: Distance,
+    /// Factor on the majorants of grids: 1 unless an experiment wants them looser (above) or broken (below).
+    pub majorant_scale: f32,
     /// Which techniques find light that both can meet.
     pub light_sampling: LightSampling,
     /// Edge of the tiles that threads take, pixels. No influence on the image.
@@ -92,6 +103,7 @@ impl Default for RenderSettings {
             filter: Filter::default(),
             transmittance: Transmittance::Auto,
             distance: Distance::Auto,
+            majorant_scale: 1.0,
             light_sampling: LightSampling::Both,
             tile_size: 16,
         }

@@ -31,6 +31,12 @@ pub trait Spectrum:
     fn times(self, factor: Self) -> Self;
     /// `f` per channel.
     fn map(self, f: impl Fn(f32) -> f32) -> Self;
+    /// Number of channels.
+    const COUNT: usize;
+    /// The value of a channel below [`COUNT`](Spectrum::COUNT).
+    fn channel(self, index: usize) -> f32;
+    /// Mean over channels by the magnitudes of `weights`; by equal weights if all are zero.
+    fn mean_by(self, weights: Self) -> f32;
 }
 
 #[inline(always)]
@@ -61,6 +67,15 @@ impl Spectrum for f32 {
     fn map(self, f: impl Fn(f32) -> f32) -> f32 {
         f(self)
     }
+    const COUNT: usize = 1;
+    #[inline(always)]
+    fn channel(self, _: usize) -> f32 {
+        self
+    }
+    #[inline(always)]
+    fn mean_by(self, _: f32) -> f32 {
+        self
+    }
 }
 
 impl Spectrum for Vec3 {
@@ -85,6 +100,17 @@ impl Spectrum for Vec3 {
     #[inline(always)]
     fn map(self, f: impl Fn(f32) -> f32) -> Vec3 {
         Vec3::new(f(self.x), f(self.y), f(self.z))
+    }
+    const COUNT: usize = 3;
+    #[inline(always)]
+    fn channel(self, index: usize) -> f32 {
+        self[index]
+    }
+    #[inline(always)]
+    fn mean_by(self, weights: Vec3) -> f32 {
+        let weights = weights.abs();
+        let total = weights.element_sum();
+        if total > 0.0 { self.dot(weights) / total } else { self.element_sum() * (1.0 / 3.0) }
     }
 }
 

@@ -105,6 +105,13 @@ impl<F: RayField> TentativeCollisions<F> {
         self.field.sigma_t(collision.t)
     }
 
+    /// Whether the segment of the last collision never ends. By the contract of fields its extinction is constant: a walk that ignores
+    /// it would not come to an end.
+    #[inline(always)]
+    pub fn is_endless(&self) -> bool {
+        self.segment.t1 == f32::INFINITY
+    }
+
     /// The field.
     #[inline(always)]
     pub fn field(&self) -> &F {

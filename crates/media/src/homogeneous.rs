@@ -77,6 +77,13 @@ impl HomogeneousMedium {
         self.bounds
     }
 
+    /// Extinction of the strongest channel at a point in the world, 1/length.
+    pub fn sigma_t_at(&self, p_world: DVec3) -> f64 {
+        let inside =
+            |(low, high): (DVec3, DVec3)| low.cmple(p_world).all() && high.cmpge(p_world).all();
+        if self.bounds.is_none_or(inside) { f64::from(self.scale) } else { 0.0 }
+    }
+
     /// Where the ray `origin + t direction`, t in [0, t_max], is inside: start and length (infinite in all space).
     pub fn span(&self, origin: DVec3, direction: Vec3, t_max: f64) -> Option<(f64, f32)> {
         let (mut t0, mut t1) = (0.0f64, t_max);

@@ -26,6 +26,8 @@ pub struct GridMedium {
     grid: Arc<VoxelGrid>,
     /// Largest channel of raw value to extinction, 1/length.
     scale: f32,
+    /// Raw bound to majorant, 1/length.
+    bound_scale: f32,
     /// Extinction per channel relative to the largest.
     relative: Vec3,
     albedo: Albedo,
@@ -98,6 +100,7 @@ impl GridMedium {
         Ok(GridMedium {
             grid,
             scale,
+            bound_scale: scale,
             relative,
             albedo,
             phase,
@@ -105,6 +108,23 @@ impl GridMedium {
             direction_to_local: world_to_local.matrix3.as_mat3(),
             local_to_world,
         })
+    }
+
+    /// The same medium with all majorants multiplied by `factor`, for experiments: above one they are looser than need be, below one they
+    /// do not bound.
+    ///
+    /// # Errors
+    /// If the factor is not a positive number, or so large that majorants leave the range of single precision.
+    pub fn with_majorants_scaled(&self, factor: f32) -> Result<GridMedium, Error> {
+        let bound_scale = self.scale * factor;
+        let largest = f64::from(bound_scale) * f64::from(self.grid.range().1);
+        if !(factor > 0.0 && largest < 1e30) {
+            return Err(Error::invalid(
+                format!("majorants scaled by {factor}"),
+                "give a positive number that keeps them in range",
+            ));
+        }
+        Ok(GridMedium { bound_scale, ..self.clone() })
     }
 
     /// The field.
@@ -225,7 +245,13 @@ impl GridMedium {
     /// The ray field of a span, for a grid stored as `V`.
     #[inline(always)]
     pub fn ray<'a, V: Voxel>(&'a self, voxels: &'a [V], span: &Span) -> GridRay<'a, V> {
-        GridRay::new(self.grid.view(voxels), self.scale, span.p0, span.d, span.length)
+        GridRay::new(
+            self.grid.view(voxels),
+            [self.scale, self.bound_scale],
+            span.p0,
+            span.d,
+            span.length,
+        )
     }
 
     /// The ray field of a span, whatever the voxel type.
@@ -372,6 +398,39 @@ impl Medium {
         match self {
             Medium::Grid(medium) => medium.phase(),
             Medium::Homogeneous(medium) => medium.phase(),
+        }
+    }
+
+    /// Extinction of the strongest channel at a point in the world, 1/length.
+    pub fn sigma_t_at(&self, p_world: DVec3) -> f64 {
+        match self {
+            Medium::Grid(medium) => medium.sigma_t_at(p_world),
+            Medium::Homogeneous(medium) => medium.sigma_t_at(p_world),
+        }
+    }
+
+    /// The part of a ray that may hold extinction, in world distance from its origin; may end at infinity.
+    pub fn extent(&self, origin: DVec3, direction: Vec3) -> Option<(f64, f64)> {
+        match self {
+            Medium::Grid(medium) => {
+                let span = medium.span(origin, direction, f64::INFINITY)?;
+                Some((span.t_enter, span.t_enter + f64::from(span.length)))
+            }
+            Medium::Homogeneous(medium) => {
+                let (t_enter, length) = medium.span(origin, direction, f64::INFINITY)?;
+                Some((t_enter, t_enter + f64::from(length)))
+            }
+        }
+    }
+
+    /// As [`GridMedium::with_majorants_scaled`]; the bounds of homogeneous media are exact and stay so.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn with_majorants_scaled(&self, factor: f32) -> Result<Medium, Error> {
+        match self {
+            Medium::Grid(medium) => medium.with_majorants_scaled(factor).map(Medium::Grid),
+            Medium::Homogeneous(_) => Ok(self.clone()),
         }
     }
 

@@ -97,6 +97,16 @@ impl Stretch {
     }
 }
 
+impl Stretch {
+    /// All segments of a field, which is walked to its end.
+    pub(crate) fn whole<F: RayField>(field: F) -> (Stretch, F) {
+        let mut stretches = Stretches { field, limit: f32::INFINITY, pending: None };
+        let mut stretch = Stretch::default();
+        stretches.next(&mut stretch);
+        (stretch, stretches.field)
+    }
+}
+
 /// Cuts a ray into stretches whose majorant depth is at most a limit.
 struct Stretches<F> {
     field: F,

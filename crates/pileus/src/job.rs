@@ -201,6 +201,11 @@ pub struct SamplingSpec {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("default" = "auto"))]
     pub distance: Option<DistanceSpec>,
+    /// Factor on the majorants of grids, for experiments: above 1 they are looser than need be, below 1
+    /// they do not bound, which only some methods allow.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("default" = 1.0))]
+    pub majorant_scale: Option<f32>,
 }
 
 /// How transmittance is estimated; all but `ray_marching` are unbiased.
@@ -238,15 +243,31 @@ pub enum TransmittanceSpec {
     RayMarching,
 }
 
-/// How distances are sampled; all are unbiased.
+/// How distances are sampled; all but `ray_marching` are unbiased.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum DistanceSpec {
     /// What the plan finds best for the scene.
     #[default]
     Auto,
-    /// Delta tracking on local majorants.
+    /// Closed form: homogeneous volumes only.
+    Analytic,
+    /// Delta tracking on local majorants; with several channels their plain mean decides,
+    /// whatever their throughput.
     Delta,
+    /// Delta tracking with weights, which holds also where majorants do not bound.
+    WeightedDelta,
+    /// Delta tracking in which collisions with the lower bound need no lookup.
+    Decomposition,
+    /// Exact inversion of the optical depth, cell by cell.
+    Regular,
+    /// Delta tracking decided by the throughput-weighted mean over channels.
+    Spectral,
+    /// What `auto` takes, and for point and spot lights points seen from them at equal angles, the two
+    /// weighted against each other.
+    Equiangular,
+    /// Plain ray marching with 64 steps. Biased: volumes are too transparent.
+    RayMarching,
 }
 
 /// Which files are written, each beside its target and renamed when it is whole.

@@ -8,6 +8,7 @@ use std::time::Instant;
 use glam::{DVec3, Vec3};
 use pileus_film::{Crop, Filter};
 use pileus_integrator::{Distance, RenderSettings, Transmittance};
+use pileus_media::distance::DistanceSampler;
 use pileus_media::transmittance::Estimator;
 use pileus_scene::json::Document;
 use pileus_scene::volume::DefaultScale;
@@ -370,7 +371,7 @@ fn filter(film: &FilmSpec, places: &Places) -> Result<Filter, Failure> {
 }
 
 fn sampling(job: &Job, filter: Filter, places: &Places) -> Result<RenderSettings, Failure> {
-    let SamplingSpec { spp, seed, max_bounces, transmittance, distance } =
+    let SamplingSpec { spp, seed, max_bounces, transmittance, distance, majorant_scale } =
         job.sampling.clone().unwrap_or_default();
     let spp = spp.unwrap_or(DEFAULT_SPP);
     if !(1..=MAX_SPP).contains(&spp) {
@@ -378,6 +379,14 @@ fn sampling(job: &Job, filter: Filter, places: &Places) -> Result<RenderSettings
             "/sampling/spp",
             format!("{spp} samples per pixel"),
             "take at least 1 and at most 2^32",
+        ));
+    }
+    let majorant_scale = majorant_scale.unwrap_or(1.0);
+    if !(majorant_scale > 0.0 && majorant_scale.is_finite()) {
+        return Err(places.invalid(
+            "/sampling/majorant_scale",
+            format!("a majorant scale of {majorant_scale}"),
+            "give a positive number; 1 keeps the proven bounds",
         ));
     }
     Ok(RenderSettings {
@@ -407,8 +416,16 @@ fn sampling(job: &Job, filter: Filter, places: &Places) -> Result<RenderSettings
         },
         distance: match distance.unwrap_or_default() {
             DistanceSpec::Auto => Distance::Auto,
-            DistanceSpec::Delta => Distance::Delta,
+            DistanceSpec::Analytic => Distance::By(DistanceSampler::Analytic),
+            DistanceSpec::Delta => Distance::By(DistanceSampler::Delta),
+            DistanceSpec::WeightedDelta => Distance::By(DistanceSampler::WeightedDelta),
+            DistanceSpec::Decomposition => Distance::By(DistanceSampler::Decomposition),
+            DistanceSpec::Regular => Distance::By(DistanceSampler::Regular),
+            DistanceSpec::Spectral => Distance::By(DistanceSampler::Spectral),
+            DistanceSpec::Equiangular => Distance::Equiangular,
+            DistanceSpec::RayMarching => Distance::By(DistanceSampler::RayMarching),
         },
+        majorant_scale,
         ..RenderSettings::default()
     })
 }

@@ -7,6 +7,8 @@ pub(crate) use overlapping::Overlapping;
 pub(crate) use single_grey::SingleGrey;
 
 use glam::{DVec3, Vec3};
+use pileus_media::distance::DistanceSampler;
+use pileus_media::transmittance::Estimator;
 use pileus_media::{Phase, Tally};
 use rand_core::Rng;
 
@@ -55,6 +57,29 @@ impl Shadow {
         Shadow { transmittance: Vec3::ONE, null_probability: Vec3::ONE };
 }
 
+/// How a scene's media are sampled.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Methods {
+    /// Free flights.
+    pub(crate) distance: DistanceSampler,
+    /// Shadow rays.
+    pub(crate) transmittance: Estimator,
+}
+
+impl Methods {
+    /// Whether weights count the densities along the way: of null collisions, which trackers and ratio tracking share, or of the
+    /// escape, which regular tracking knows. Others leave them out, on both sides.
+    pub(crate) fn weigh_the_way(self) -> bool {
+        match self.transmittance {
+            Estimator::Ratio => self.distance.decides_at_collisions(),
+            Estimator::Regular => {
+                matches!(self.distance, DistanceSampler::Regular | DistanceSampler::Analytic)
+            }
+            _ => false,
+        }
+    }
+}
+
 /// All media of a scene.
 pub(crate) trait Media: Sync {
     /// Flies to the next real collision; `None` when the ray escapes. `first`: stratified majorant depth of the first collision.
@@ -77,6 +102,12 @@ pub(crate) trait Media: Sync {
         rng: &mut R,
         tally: &mut Tally,
     ) -> Shadow;
+
+    /// Calls `visit` with scattering coefficient per channel, 1/length, and phase function of every medium at a point.
+    fn scattering(&self, p_world: DVec3, visit: impl FnMut(Vec3, &Phase));
+
+    /// The part of a ray that may hold extinction.
+    fn extent(&self, ray: &Ray) -> Option<(f64, f64)>;
 
     /// Phase function and albedo at a collision.
     fn properties(&self, collision: &Collision, p_world: DVec3) -> (Phase, Vec3);

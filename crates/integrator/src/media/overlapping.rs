@@ -6,8 +6,9 @@
 //! throughput over channels is the same before and after every event, so that no channel's weight exceeds the number of channels;
 //! it is single-sample multiple importance sampling over channels by the balance heuristic [Miller et al. 2019].
 
-use super::{Collision, Flown, Media, Ray, Shadow};
+use super::{Collision, Flown, Media, Methods, Ray, Shadow};
 use glam::{DVec3, Vec3};
+use pileus_media::distance::{DistanceSampler, Flight, real_probability};
 use pileus_media::random::{exponential, uniform};
 use pileus_media::transmittance::{Estimator, ratio_tracking_with_roulette};
 use pileus_media::{
@@ -18,15 +19,10 @@ use rand_core::Rng;
 use smallvec::SmallVec;
 use std::sync::Arc;
 
-/// The distance of neighbouring uniform numbers. A decision of a smaller probability `p > 0` would still happen this often, with the
-/// weight `1 / p`.
-const SMALLEST_UNIFORM: f32 = 1.0 / 16_777_216.0;
-
 /// All media of a scene, as a list.
 pub(crate) struct Overlapping<'a> {
     pub(crate) media: &'a [Arc<Medium>],
-    /// How shadow rays are estimated.
-    pub(crate) estimator: Estimator,
+    pub(crate) methods: Methods,
 }
 
 /// A field of either kind of medium.
@@ -149,12 +145,69 @@ impl Overlapping<'_> {
         rng: &mut R,
         tally: &mut Tally,
     ) -> (C::Value, C::Value) {
-        if self.estimator == Estimator::Ratio {
+        let known = self.methods.weigh_the_way();
+        if self.methods.transmittance == Estimator::Ratio {
             let walk = TentativeCollisions::new(field);
             let estimate = ratio_tracking_with_roulette(walk, channels, threshold, rng, tally);
-            return (estimate.transmittance, estimate.null_probability);
+            let nulls = if known { estimate.null_probability } else { C::Value::ONE };
+            return (estimate.transmittance, nulls);
         }
-        (self.estimator.estimate(field, channels, threshold, rng, tally), C::Value::ONE)
+        let estimator = self.methods.transmittance;
+        let transmittance = estimator.estimate(field, channels, threshold, rng, tally);
+        (transmittance, if known { transmittance } else { C::Value::ONE })
+    }
+
+    /// Every sampler but those that take the collisions of all media in order: each medium flies alone, the nearest collision wins, and the
+    /// weights of all flights count, since those that flew further stand for the transmittance up to there.
+    fn fly_each<R: Rng>(
+        &self,
+        ray: &Ray,
+        mut first: Option<f32>,
+        flown: &mut Flown,
+        rng: &mut R,
+        tally: &mut Tally,
+    ) -> Option<Collision> {
+        let mut nearest: Option<Collision> = None;
+        let sampler = self.methods.distance;
+        for (index, medium) in self.media.iter().enumerate() {
+            let Some((t_enter, field)) = enter(medium, ray, f64::INFINITY) else {
+                continue;
+            };
+            let relative = medium.relative_extinction();
+            let first = first.take();
+            let (flight, null_probability) = if relative == Vec3::ONE {
+                let grey = sampler.fly(field, Grey, 1.0, first, rng, tally);
+                flown.beta *= grey.weight;
+                (grey.flight, grey.null_probability)
+            } else {
+                let color = sampler.fly(field, Relative(relative), flown.beta, first, rng, tally);
+                flown.beta *= color.weight;
+                (color.flight, color.null_probability)
+            };
+            // What shadow rays know in closed form is counted on escape.
+            let counted = self.methods.weigh_the_way()
+                && closed_form(medium, ray, 0.0).is_none()
+                && !endless(medium, ray, f64::INFINITY);
+            if counted {
+                flown.null_probability *= null_probability;
+            }
+            if let Flight::Collision(t) = flight {
+                let t = t_enter + f64::from(t);
+                if nearest.is_none_or(|nearest| t < nearest.t) {
+                    nearest = Some(Collision { t, medium: index });
+                }
+            }
+        }
+        nearest
+    }
+
+    /// Light sampling takes these transmittances in closed form; path sampling had to survive them.
+    fn count_closed_forms(&self, ray: &Ray, flown: &mut Flown) {
+        for medium in self.media {
+            if let Some(transmittance) = closed_form(medium, ray, f64::INFINITY) {
+                flown.null_probability *= transmittance;
+            }
+        }
     }
 }
 
@@ -167,6 +220,14 @@ impl Media for Overlapping<'_> {
         rng: &mut R,
         tally: &mut Tally,
     ) -> Option<Collision> {
+        if !matches!(self.methods.distance, DistanceSampler::Spectral | DistanceSampler::Delta) {
+            let collision = self.fly_each(ray, first, flown, rng, tally);
+            if collision.is_none() {
+                self.count_closed_forms(ray, flown);
+            }
+            return collision;
+        }
+        let by_throughput = self.methods.distance == DistanceSampler::Spectral;
         let mut first = first;
         let mut walkers: SmallVec<[Walker; 4]> = SmallVec::new();
         for (index, medium) in self.media.iter().enumerate() {
@@ -175,8 +236,7 @@ impl Media for Overlapping<'_> {
                 let mut walk = TentativeCollisions::with_first(field, depth);
                 let next = walk.next(rng);
                 let relative = medium.relative_extinction();
-                let weighted =
-                    self.estimator == Estimator::Ratio && !endless(medium, ray, f64::INFINITY);
+                let weighted = self.methods.weigh_the_way() && !endless(medium, ray, f64::INFINITY);
                 walkers.push(Walker { medium: index, t_enter, relative, walk, weighted, next });
             }
         }
@@ -189,15 +249,8 @@ impl Media for Overlapping<'_> {
             tally.lookups += 1;
             tally.violations += u64::from(sigma_t > next.majorant);
             let real = walker.relative * (sigma_t / next.majorant);
-            let total = flown.beta.element_sum();
-            let probability = if total > 0.0 {
-                (flown.beta.dot(real) / total).min(1.0)
-            } else {
-                real.max_element()
-            };
-            // What is possible happens at least as often as a uniform number can say: the weight divides by the true frequency.
-            let probability =
-                if probability > 0.0 { probability.max(SMALLEST_UNIFORM) } else { 0.0 };
+            let weights = if by_throughput { flown.beta } else { Vec3::ONE };
+            let probability = real_probability(real, weights);
             if uniform(rng) < probability {
                 tally.collisions += 1;
                 flown.beta *= real / probability;
@@ -217,12 +270,7 @@ impl Media for Overlapping<'_> {
             tally.majorant_steps += walker.walk.field().steps();
         }
         if collision.is_none() {
-            // Light sampling takes these transmittances in closed form; path sampling had to survive them.
-            for medium in self.media {
-                if let Some(transmittance) = closed_form(medium, ray, f64::INFINITY) {
-                    flown.null_probability *= transmittance;
-                }
-            }
+            self.count_closed_forms(ray, flown);
         }
         collision
     }
@@ -264,6 +312,26 @@ impl Media for Overlapping<'_> {
             }
         }
         shadow
+    }
+
+    fn scattering(&self, p_world: DVec3, mut visit: impl FnMut(Vec3, &Phase)) {
+        for medium in self.media {
+            let sigma_t = medium.sigma_t_at(p_world) as f32;
+            if sigma_t > 0.0 {
+                let sigma_t = medium.relative_extinction() * sigma_t;
+                visit(medium.albedo_at(p_world) * sigma_t, medium.phase());
+            }
+        }
+    }
+
+    fn extent(&self, ray: &Ray) -> Option<(f64, f64)> {
+        let mut hull: Option<(f64, f64)> = None;
+        for medium in self.media {
+            if let Some((t0, t1)) = medium.extent(ray.origin, ray.direction) {
+                hull = Some(hull.map_or((t0, t1), |(a, b)| (a.min(t0), b.max(t1))));
+            }
+        }
+        hull
     }
 
     fn properties(&self, collision: &Collision, p_world: DVec3) -> (Phase, Vec3) {

@@ -1,8 +1,8 @@
 //! One grid of grey extinction: the kernel of most clouds. No channels, no list of media, no choice of voxel type.
 
-use super::{Collision, Flown, Media, Ray, Shadow};
+use super::{Collision, Flown, Media, Methods, Ray, Shadow};
 use glam::{DVec3, Vec3};
-use pileus_media::distance::{Flight, delta_tracking};
+use pileus_media::distance::{DistanceSampler, Flight, delta_tracking};
 use pileus_media::transmittance::{Estimator, ratio_tracking_with_roulette};
 use pileus_media::{Grey, GridMedium, Phase, Span, Tally, TentativeCollisions, Voxel};
 use rand_core::Rng;
@@ -11,17 +11,43 @@ use rand_core::Rng;
 pub(crate) struct SingleGrey<'a, V> {
     pub(crate) medium: &'a GridMedium,
     pub(crate) voxels: &'a [V],
-    /// How shadow rays are estimated.
-    pub(crate) estimator: Estimator,
+    pub(crate) methods: Methods,
 }
 
 impl<V: Voxel> SingleGrey<'_, V> {
     /// Every estimator but ratio tracking: kept out of the kernel that most scenes run.
     #[inline(never)]
-    fn other<R: Rng>(&self, span: &Span, threshold: f32, rng: &mut R, tally: &mut Tally) -> Shadow {
+    fn other_transmittance<R: Rng>(
+        &self,
+        span: &Span,
+        threshold: f32,
+        rng: &mut R,
+        tally: &mut Tally,
+    ) -> Shadow {
         let field = self.medium.ray(self.voxels, span);
-        let transmittance = self.estimator.estimate(field, Grey, threshold, rng, tally);
-        Shadow { transmittance: Vec3::splat(transmittance), null_probability: Vec3::ONE }
+        let estimator = self.methods.transmittance;
+        let transmittance = Vec3::splat(estimator.estimate(field, Grey, threshold, rng, tally));
+        let known = self.methods.weigh_the_way();
+        Shadow { transmittance, null_probability: if known { transmittance } else { Vec3::ONE } }
+    }
+
+    /// Every sampler but delta tracking.
+    #[inline(never)]
+    fn other_flight<R: Rng>(
+        &self,
+        span: &Span,
+        first: Option<f32>,
+        flown: &mut Flown,
+        rng: &mut R,
+        tally: &mut Tally,
+    ) -> Flight {
+        let field = self.medium.ray(self.voxels, span);
+        let result = self.methods.distance.fly(field, Grey, 1.0, first, rng, tally);
+        flown.beta *= result.weight;
+        if self.methods.weigh_the_way() {
+            flown.null_probability *= result.null_probability;
+        }
+        result.flight
     }
 }
 
@@ -36,19 +62,23 @@ impl<V: Voxel> Media for SingleGrey<'_, V> {
         tally: &mut Tally,
     ) -> Option<Collision> {
         let span = self.medium.span(ray.origin, ray.direction, f64::INFINITY)?;
-        let field = self.medium.ray(self.voxels, &span);
-        let walk = match first {
-            Some(depth) => TentativeCollisions::with_first(field, depth),
-            None => TentativeCollisions::new(field),
+        let flight = if self.methods.distance == DistanceSampler::Delta {
+            let field = self.medium.ray(self.voxels, &span);
+            let walk = match first {
+                Some(depth) => TentativeCollisions::with_first(field, depth),
+                None => TentativeCollisions::new(field),
+            };
+            let nulls = &mut flown.null_probability;
+            let count = self.methods.transmittance == Estimator::Ratio;
+            delta_tracking(walk, rng, tally, |p| {
+                if count {
+                    *nulls *= p
+                }
+            })
+        } else {
+            self.other_flight(&span, first, flown, rng, tally)
         };
-        let nulls = &mut flown.null_probability;
-        // Only the density of ratio tracking is known along null collisions; weights beside others leave them out.
-        let count = self.estimator == Estimator::Ratio;
-        match delta_tracking(walk, rng, tally, |p| {
-            if count {
-                *nulls *= p
-            }
-        }) {
+        match flight {
             Flight::Collision(t) => Some(Collision { t: span.t_enter + f64::from(t), medium: 0 }),
             Flight::Escape => None,
         }
@@ -66,15 +96,28 @@ impl<V: Voxel> Media for SingleGrey<'_, V> {
         let Some(span) = self.medium.span(ray.origin, ray.direction, t_max) else {
             return Shadow::CLEAR;
         };
-        if self.estimator != Estimator::Ratio {
-            return self.other(&span, threshold, rng, tally);
+        if self.methods.transmittance != Estimator::Ratio {
+            return self.other_transmittance(&span, threshold, rng, tally);
         }
         let walk = TentativeCollisions::new(self.medium.ray(self.voxels, &span));
         let estimate = ratio_tracking_with_roulette(walk, Grey, threshold, rng, tally);
+        let known = self.methods.distance.decides_at_collisions();
         Shadow {
             transmittance: Vec3::splat(estimate.transmittance),
-            null_probability: Vec3::splat(estimate.null_probability),
+            null_probability: Vec3::splat(if known { estimate.null_probability } else { 1.0 }),
         }
+    }
+
+    fn scattering(&self, p_world: DVec3, mut visit: impl FnMut(Vec3, &Phase)) {
+        let sigma_t = self.medium.sigma_t_at(p_world) as f32;
+        if sigma_t > 0.0 {
+            visit(self.medium.albedo_at(p_world) * sigma_t, self.medium.phase());
+        }
+    }
+
+    fn extent(&self, ray: &Ray) -> Option<(f64, f64)> {
+        let span = self.medium.span(ray.origin, ray.direction, f64::INFINITY)?;
+        Some((span.t_enter, span.t_enter + f64::from(span.length)))
     }
 
     #[inline(always)]

@@ -1,19 +1,14 @@
 //! Delta tracking [Woodcock 1965]: exact free flights through any field with a bound.
 
+use super::spectral::real_probability;
+use super::tracking::track;
+use super::{Flight, WeightedFlight};
+use crate::channels::{Channels, Spectrum};
 use crate::collisions::TentativeCollisions;
 use crate::field::RayField;
 use crate::random::uniform;
 use crate::tally::Tally;
 use rand_core::Rng;
-
-/// How a free flight ended.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Flight {
-    /// A real collision at this ray parameter.
-    Collision(f32),
-    /// The ray left the field.
-    Escape,
-}
 
 /// Flies to the next real collision.
 ///
@@ -43,4 +38,21 @@ pub fn delta_tracking<F: RayField, R: Rng + ?Sized>(
     };
     tally.majorant_steps += walk.field().steps();
     flight
+}
+
+/// Delta tracking of several channels, real or null by their plain mean, whatever their throughput; all are weighted.
+///
+/// Unbiased for bounds that hold. The weight of a channel with less than the mean extinction grows at every null collision, without limit: what
+/// spectral tracking is for. (Deciding by one channel alone would be biased: where it fills its majorant nothing would ever get through for the
+/// others.)
+#[inline(always)]
+pub fn delta_tracking_by_mean<F: RayField, C: Channels, R: Rng + ?Sized>(
+    walk: TentativeCollisions<F>,
+    channels: C,
+    rng: &mut R,
+    tally: &mut Tally,
+) -> WeightedFlight<C::Value> {
+    track(walk, channels, C::Value::ONE, rng, tally, |real, _| {
+        real_probability(real, C::Value::ONE)
+    })
 }

@@ -28,6 +28,8 @@ pub struct GridRay<'a, V> {
     view: GridView<'a, V>,
     /// Raw value to extinction.
     scale: f32,
+    /// Raw bound to majorant: `scale`, unless an experiment wants looser or broken bounds.
+    bound_scale: f32,
     /// Largest product of raw bound and cell size (voxels) that is entered whole.
     limit: f32,
     /// Local point at parameter zero, voxels.
@@ -62,8 +64,15 @@ struct Cell {
 
 impl<'a, V: Voxel> GridRay<'a, V> {
     /// A ray from local point `p0` (voxels, inside the extent) along `d` (voxels per length) up to parameter `t_end` (a length).
+    /// `scale`: raw value to extinction and raw bound to majorant.
     #[inline]
-    pub(crate) fn new(view: GridView<'a, V>, scale: f32, p0: Vec3, d: Vec3, t_end: f32) -> Self {
+    pub(crate) fn new(
+        view: GridView<'a, V>,
+        [scale, bound_scale]: [f32; 2],
+        p0: Vec3,
+        d: Vec3,
+        t_end: f32,
+    ) -> Self {
         let extent = view.topology.extent;
         let mut inv_d = Vec3A::ZERO;
         let mut parallel = Vec3A::ZERO;
@@ -81,7 +90,8 @@ impl<'a, V: Voxel> GridRay<'a, V> {
         GridRay {
             view,
             scale,
-            limit: COLLISIONS_PER_CELL * d.length() / scale,
+            bound_scale,
+            limit: COLLISIONS_PER_CELL * d.length() / bound_scale,
             p0: p0.into(),
             d: d.into(),
             inv_d,
@@ -197,7 +207,7 @@ impl<V: Voxel> RayField for GridRay<'_, V> {
             let (max, t1) = self.visit();
             self.t = t1;
             if max > 0.0 {
-                return Some(MajorantSegment { t0, t1, majorant: max * self.scale });
+                return Some(MajorantSegment { t0, t1, majorant: max * self.bound_scale });
             }
         }
         None
@@ -210,7 +220,7 @@ impl<V: Voxel> RayField for GridRay<'_, V> {
         } else {
             view.entry_min[entry_index(view.topology, view.entries, self.low_ijk, self.log2)]
         };
-        min * self.scale
+        min * self.scale.min(self.bound_scale)
     }
 
     #[inline(always)]

@@ -61,7 +61,7 @@ pub(crate) fn run(options: &RenderOptions, report: &Report) -> Result<(), Failur
     if film.samples() < 2 {
         tracing::warn!("one sample per pixel: the variance is not known and written as infinite");
     }
-    if counters.violations > 0 {
+    if counters.violations > 0 && settings.render.majorant_scale >= 1.0 {
         tracing::error!("{} lookups exceeded their majorant: this is a bug", counters.violations);
     }
     if counters.dropped > 0 {
