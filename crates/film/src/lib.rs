@@ -27,7 +27,7 @@ pub use crate::moments::{
     ALPHA_LIMIT, ALPHA_QUANTUM, PixelMoments, PixelSample, RADIANCE_LIMIT, RADIANCE_QUANTUM,
     SQUARE_QUANTUM,
 };
-pub use crate::preview::{preview_rgb8, write_png};
+pub use crate::preview::{png_bytes, preview_rgb8, write_png};
 pub use crate::state::{MAX_STATE_HEADER, STATE_VERSION};
 pub use crate::tile::Tile;
 pub use crate::tone::{Curve, ToneMap, srgb_decode, srgb_encode};

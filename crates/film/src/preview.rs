@@ -40,9 +40,28 @@ pub fn preview_rgb8(image: &Image, tone: &ToneMap) -> Result<Vec<u8>, Error> {
 /// As [`preview_rgb8`] and [`write_atomically`].
 pub fn write_png(path: &Path, image: &Image, tone: &ToneMap) -> Result<(), Error> {
     let bytes = preview_rgb8(image, tone).map_err(|e| e.in_file(path))?;
-    write_atomically(path, |writer| {
-        PngEncoder::new_with_quality(writer, CompressionType::Default, FilterType::Adaptive)
-            .write_image(&bytes, image.width(), image.height(), ExtendedColorType::Rgb8)
-            .map_err(io::Error::other)
-    })
+    write_atomically(path, |writer| encode(writer, &bytes, image.width(), image.height()))
+}
+
+/// The bytes of a PNG file of `rgb8`, 3 bytes a pixel, row by row from the top.
+///
+/// # Errors
+/// [`Error::Invalid`] if there are not `3 x width x height` bytes.
+pub fn png_bytes(rgb8: &[u8], width: u32, height: u32) -> Result<Vec<u8>, Error> {
+    let mut bytes = Vec::new();
+    let wrong = || {
+        let what = format!("{} bytes for {width} x {height} pixels of 3", rgb8.len());
+        Error::invalid("image", what, "give one byte per channel and pixel")
+    };
+    if rgb8.len() as u64 != 3 * u64::from(width) * u64::from(height) {
+        return Err(wrong());
+    }
+    encode(&mut bytes, rgb8, width, height).map_err(|_| wrong())?;
+    Ok(bytes)
+}
+
+fn encode(writer: impl io::Write, rgb8: &[u8], width: u32, height: u32) -> io::Result<()> {
+    PngEncoder::new_with_quality(writer, CompressionType::Default, FilterType::Adaptive)
+        .write_image(rgb8, width, height, ExtendedColorType::Rgb8)
+        .map_err(io::Error::other)
 }

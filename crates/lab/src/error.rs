@@ -40,6 +40,15 @@ pub enum Error {
         /// What to do.
         remedy: &'static str,
     },
+    /// A scene could not be rendered.
+    #[error(transparent)]
+    Render(pileus_integrator::Error),
+    /// A medium could not be made.
+    #[error(transparent)]
+    Media(pileus_media::Error),
+    /// A scene could not be made.
+    #[error(transparent)]
+    Scene(pileus_scene::Error),
     /// An image could not be made.
     #[error(transparent)]
     Film(#[from] pileus_film::Error),

@@ -2,9 +2,11 @@
 #![forbid(unsafe_code)]
 
 mod block_z;
+pub mod chart;
 mod compare;
 mod difference;
 mod error;
+pub mod experiment;
 mod flip;
 mod pair;
 mod profile;

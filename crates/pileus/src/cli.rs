@@ -75,6 +75,95 @@ Examples:
     Compare(CompareOptions),
     /// Ask single questions of a volume, JSON in and out.
     Probe(ProbeOptions),
+    /// Measure methods and draw charts of error against time.
+    Chart(ChartOptions),
+}
+
+/// Options of `chart`.
+#[derive(Debug, Args)]
+pub struct ChartOptions {
+    /// What to chart.
+    #[command(subcommand)]
+    pub experiment: Experiment,
+}
+
+/// The experiments of `chart`.
+#[derive(Debug, Subcommand)]
+pub enum Experiment {
+    /// Every transmittance estimator on the same rays.
+    #[command(after_long_help = "\
+ASSET is an OpenVDB file, a scene, a job, or a file of closed forms ({\"cases\": [...]}), of which `FILE#NAME` takes one.
+Writes transmittance-NAME.csv, .html, and each plot as .svg and .png.")]
+    Transmittance(ChartTransmittanceOptions),
+    /// Whole images by every method.
+    #[command(after_long_help = "\
+Methods are named distance+transmittance, with *F where majorants are scaled: delta+ratio, auto+regular, delta+ratio*4.
+Writes render-NAME.csv, .html, and the plot as .svg and .png.")]
+    Render(ChartRenderOptions),
+    /// Every method under every stress: where methods break.
+    #[command(after_long_help = "\
+Writes stability.md, stability.csv, stability.html and plots. The outcome is the same on every machine.")]
+    Stability(ChartStabilityOptions),
+}
+
+/// Options of `chart transmittance`.
+#[derive(Debug, Args)]
+pub struct ChartTransmittanceOptions {
+    /// What to take rays from.
+    #[arg(required = true, value_name = "ASSET")]
+    pub assets: Vec<PathBuf>,
+    /// Folder to write into.
+    #[arg(short, long, value_name = "FOLDER", default_value = "charts")]
+    pub output: PathBuf,
+    /// OpenVDB only: the grid of the density, `name` or `name[i]`.
+    #[arg(long, value_name = "NAME")]
+    pub grid: Option<String>,
+    /// OpenVDB only: extinction per scene unit where the grid is 1; chosen so that it looks like a cloud if not given.
+    #[arg(long, value_name = "S", value_parser = parse_scale)]
+    pub density_scale: Option<f64>,
+    /// Rays per class.
+    #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    pub rays: u32,
+    /// Estimates per ray and method.
+    #[arg(long, value_name = "N", default_value_t = 2048, value_parser = clap::value_parser!(u32).range(8..=10_000_000))]
+    pub samples: u32,
+    /// Seed.
+    #[arg(long, value_name = "K", default_value_t = 0)]
+    pub seed: u64,
+}
+
+/// Options of `chart render`.
+#[derive(Debug, Args)]
+pub struct ChartRenderOptions {
+    /// Jobs, scenes or OpenVDB files.
+    #[arg(required = true, value_name = "JOB")]
+    pub jobs: Vec<PathBuf>,
+    /// Folder to write into.
+    #[arg(short, long, value_name = "FOLDER", default_value = "charts")]
+    pub output: PathBuf,
+    /// Methods, separated by commas; all if not given.
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    pub methods: Vec<String>,
+    /// Seconds per method, roughly.
+    #[arg(long, value_name = "S", default_value_t = 8.0, value_parser = parse_scale)]
+    pub seconds: f64,
+    /// Samples per pixel of the reference image.
+    #[arg(long, value_name = "N", default_value_t = 1024, value_parser = clap::value_parser!(u64).range(2..=1 << 32))]
+    pub reference_spp: u64,
+    /// Width and height in pixels instead of the job's, for example 128x128.
+    #[arg(long, value_name = "WxH", value_parser = parse_resolution)]
+    pub resolution: Option<[u32; 2]>,
+    /// Timings of other renderers to draw in: columns scene, renderer, seconds, relmse.
+    #[arg(long, value_name = "CSV")]
+    pub peers: Option<PathBuf>,
+}
+
+/// Options of `chart stability`.
+#[derive(Debug, Args)]
+pub struct ChartStabilityOptions {
+    /// Folder to write into.
+    #[arg(short, long, value_name = "FOLDER", default_value = "charts")]
+    pub output: PathBuf,
 }
 
 /// A file and what can be said about it if it is an OpenVDB file.

@@ -49,5 +49,6 @@ fn dispatch(arguments: &Arguments, report: &Report) -> Result<(), Failure> {
         Command::Schema(options) => command::schema::run(options, report),
         Command::Compare(options) => command::compare::run(options, report),
         Command::Probe(options) => command::probe::run(options, report),
+        Command::Chart(options) => command::chart::run(options, report),
     })
 }

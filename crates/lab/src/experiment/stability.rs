@@ -1,0 +1,1002 @@
+//! Where methods break: every transmittance estimator and every sampler of flights against every stress.
+
+use super::measure::Samples;
+use crate::Error;
+use crate::chart::{Axis, Cell, Chart, Plot, Provenance, Series, Table};
+use crate::profile::{Profile, ProfileCase};
+use glam::{DAffine3, DQuat, DVec3, Vec3};
+use pileus_film::{Film, Filter};
+use pileus_integrator::{Distance, Plan, RenderSettings, Transmittance, Unmonitored, render};
+use pileus_media::distance::{DistanceSampler, Equiangular, Flight};
+use pileus_media::phase::ISOTROPIC;
+use pileus_media::transmittance::Estimator;
+use pileus_media::{
+    Albedo, Channels, ExactField, Grey, GridMedium, HomogeneousMedium, Interpolation, Medium,
+    Phase, Relative, Spectrum, Tally, VoxelGrid, VoxelGridOptions, optical_depth,
+};
+use pileus_scene::{
+    Camera, Environment, EnvironmentImage, Light, Point, Scene, Volume, VolumeSource,
+};
+use pileus_vdb::Tree;
+use rand_pcg::Pcg32;
+use rayon::prelude::*;
+use std::sync::Arc;
+
+/// Estimates per cell, unless they are dear.
+const SAMPLES: u32 = 4096;
+/// Lookups and steps per cell after which no further estimate is made: a count, so that the outcome is the same on every machine.
+const MOST_EVENTS: u64 = 20_000_000;
+/// |z| beyond which a mean is wrong: by chance once in ten thousand tables of a thousand cells.
+const Z_LIMIT: f64 = 5.5;
+/// Relative standard deviation above which a method is noisy: a hundred estimates still leave 30 %.
+const NOISY: f64 = 3.0;
+/// And above which it fails: ten thousand leave one.
+const FAILS: f64 = 100.0;
+/// Transmittance below which nothing is asked: single precision ends there.
+const SMALLEST: f64 = 1e-37;
+
+/// How a method bears a stress.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Verdict {
+    /// Unbiased within its standard error, standard deviation of at most three times the value.
+    Ok,
+    /// Unbiased, but noisier.
+    Noisy,
+    /// Named biased, and caught.
+    Biased,
+    /// Wrong, not finite, or so noisy that it is of no use.
+    Fails,
+    /// Does not apply; jobs refuse it.
+    Refused,
+}
+
+impl Verdict {
+    /// Its name.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Verdict::Ok => "ok",
+            Verdict::Noisy => "noisy",
+            Verdict::Biased => "biased",
+            Verdict::Fails => "fails",
+            Verdict::Refused => "refused",
+        }
+    }
+}
+
+/// One method under one stress.
+#[derive(Debug, Clone)]
+pub struct StabilityCell {
+    /// The method, as `transmittance` or `distance` and its name.
+    pub method: String,
+    /// The stress.
+    pub stress: String,
+    /// The verdict.
+    pub verdict: Verdict,
+    /// Distance of the mean from the exact value, standard errors; the worst over channels or bins.
+    pub z: f64,
+    /// Standard deviation of one estimate over the exact value; of the total weight for flights.
+    pub relative_deviation: f64,
+    /// Lookups per estimate.
+    pub lookups: f64,
+    /// Majorant steps per estimate.
+    pub steps: f64,
+    /// The estimate that was farthest off, over the exact value.
+    pub worst: f64,
+    /// Estimates that were not finite.
+    pub non_finite: u64,
+    /// Why, where the verdict is not ok.
+    pub reason: &'static str,
+}
+
+/// The whole matrix.
+#[derive(Debug, Clone)]
+pub struct Stability {
+    /// Names of the stresses with what they are.
+    pub stresses: Vec<(String, String)>,
+    /// All cells, method by method.
+    pub cells: Vec<StabilityCell>,
+}
+
+#[derive(Clone, Copy, PartialEq)]
+enum Method {
+    Transmittance(Estimator),
+    Distance(DistanceSampler),
+    Equiangular,
+}
+
+impl Method {
+    fn all() -> Vec<Method> {
+        let estimators = Estimator::ALL.into_iter().map(Method::Transmittance);
+        let samplers = DistanceSampler::ALL.into_iter().map(Method::Distance);
+        estimators.chain(samplers).chain([Method::Equiangular]).collect()
+    }
+
+    fn name(self) -> String {
+        match self {
+            Method::Transmittance(estimator) => format!("transmittance {}", estimator.name()),
+            Method::Distance(sampler) => format!("distance {}", sampler.name()),
+            Method::Equiangular => "distance equiangular".to_owned(),
+        }
+    }
+
+    fn is_unbiased(self) -> bool {
+        match self {
+            Method::Transmittance(estimator) => estimator.is_unbiased(),
+            Method::Distance(sampler) => sampler.is_unbiased(),
+            Method::Equiangular => true,
+        }
+    }
+}
+
+/// What is asked of a method.
+enum Subject {
+    /// A closed form.
+    Profile(ProfileCase),
+    /// A closed form, with the extinction of channels relative to it.
+    Chromatic(ProfileCase, Vec3),
+    /// A ray of a grid.
+    Grid(Arc<GridMedium>, DVec3, Vec3),
+    /// A ray of a homogeneous medium, perhaps without end.
+    Homogeneous(HomogeneousMedium, f32),
+    /// A small picture, the expectations of its pixels, row by row, and the most scattering events.
+    Picture(Box<Scene>, Vec<f64>, Option<u32>),
+}
+
+struct Stress {
+    name: String,
+    what: String,
+    subject: Subject,
+    /// Whether bounds do not hold.
+    broken: bool,
+    homogeneous: bool,
+}
+
+fn constant(depth: f64, bound: f64) -> ProfileCase {
+    ProfileCase {
+        name: String::new(),
+        profile: Profile::Constant { value: depth },
+        length: 1.0,
+        majorant: depth,
+        minorant: depth,
+        use_majorant: Some(bound),
+    }
+}
+
+/// Two waves about a mean extinction of `depth` on unit length, between a fifth and nine fifths of it.
+fn waves(depth: f64, looseness: f64) -> ProfileCase {
+    ProfileCase {
+        name: String::new(),
+        profile: Profile::Sine { mean: depth, amplitude: 0.8 * depth, cycles: 2.0 },
+        length: 1.0,
+        majorant: 1.8 * depth,
+        minorant: 0.2 * depth,
+        use_majorant: Some(1.8 * depth * looseness),
+    }
+}
+
+fn steps(edges: &[f64], values: &[f64]) -> ProfileCase {
+    ProfileCase {
+        name: String::new(),
+        profile: Profile::Steps { edges: edges.to_vec(), values: values.to_vec() },
+        length: 1.0,
+        majorant: values.iter().copied().fold(0.0, f64::max),
+        minorant: values.iter().copied().fold(f64::INFINITY, f64::min),
+        use_majorant: None,
+    }
+}
+
+/// Values 0.1 to 3 without order.
+fn lumps(n: u32) -> Vec<f32> {
+    (0..n.pow(3))
+        .map(|i| {
+            let hash = i.wrapping_mul(2_654_435_761).rotate_left(13).wrapping_mul(2_246_822_519);
+            let u = (hash >> 8) as f32 / 16_777_216.0;
+            0.1 + 2.9 * u * u * u
+        })
+        .collect()
+}
+
+fn grid(
+    corner: [i32; 3],
+    size: [usize; 3],
+    values: &[f32],
+    to_world: DAffine3,
+    sigma_t: f32,
+) -> Result<Arc<GridMedium>, Error> {
+    let tree = Tree::from_dense(0.0f32, corner, size, values);
+    let options = VoxelGridOptions { interpolation: Interpolation::Trilinear };
+    let grid = VoxelGrid::from_tree(&tree, &options).map_err(Error::Media)?;
+    let albedo = Albedo::Constant([1.0; 3]);
+    let medium = GridMedium::new(Arc::new(grid), to_world, [sigma_t; 3], albedo, Phase::Isotropic);
+    Ok(Arc::new(medium.map_err(Error::Media)?))
+}
+
+/// The picture of a lumpy cube under an image of constant light, under constant light, or by a point light alone.
+#[derive(Clone, Copy, PartialEq)]
+enum Lit {
+    ByImage,
+    Constant,
+    ByPoint(DVec3),
+}
+
+fn picture(sigma_t: f32, albedo: f32, g: f32, lit: Lit) -> Result<Box<Scene>, Error> {
+    let to_world =
+        DAffine3::from_scale(DVec3::splat(0.125)) * DAffine3::from_translation(DVec3::splat(-7.5));
+    let tree = Tree::from_dense(0.0f32, [0; 3], [16; 3], &lumps(16));
+    let options = VoxelGridOptions { interpolation: Interpolation::Trilinear };
+    let grid = VoxelGrid::from_tree(&tree, &options).map_err(Error::Media)?;
+    let medium = GridMedium::new(
+        Arc::new(grid),
+        to_world,
+        [sigma_t; 3],
+        Albedo::Constant([albedo; 3]),
+        Phase::henyey_greenstein(g),
+    )
+    .map_err(Error::Media)?;
+    let mut environment = Environment::default();
+    let mut lights = Vec::new();
+    match lit {
+        Lit::Constant => environment.constant = Vec3::ONE,
+        Lit::ByImage => {
+            let image = EnvironmentImage::new(16, 8, vec![[1.0; 3]; 128], 1.0, 0.0);
+            environment.image = Some(Arc::new(image.map_err(Error::Scene)?));
+        }
+        Lit::ByPoint(position) => {
+            lights.push(Light::Point(Point { position, intensity: Vec3::ONE }));
+        }
+    }
+    let eye = DVec3::new(3.0, 2.0, 4.0);
+    Ok(Box::new(Scene {
+        camera: Camera::look_at(eye, DVec3::ZERO, DVec3::Y, 12.0, [8, 8]).map_err(Error::Scene)?,
+        volumes: vec![Volume {
+            name: "lumps".into(),
+            medium: Arc::new(Medium::Grid(medium)),
+            source: VolumeSource::Homogeneous,
+        }],
+        lights,
+        environment,
+        not_modelled: Vec::new(),
+    }))
+}
+
+/// Expectations of all pixels of a picture, row by row.
+fn pixels(scene: &Scene, expected: impl Fn(&GridMedium, DVec3, Vec3) -> f64) -> Vec<f64> {
+    let [width, height] = scene.camera.resolution();
+    let Some(Medium::Grid(grid)) = scene.volumes.first().map(|v| &*v.medium) else {
+        return Vec::new();
+    };
+    let middle = |i: u32| [f64::from(i % width) + 0.5, f64::from(i / width) + 0.5];
+    (0..width * height)
+        .map(|i| {
+            let (origin, direction) = scene.camera.ray(middle(i));
+            expected(grid, origin, direction)
+        })
+        .collect()
+}
+
+fn depth(grid: &GridMedium, origin: DVec3, direction: DVec3, t_max: f64) -> f64 {
+    optical_depth(grid, origin, direction, 0.0, t_max, &mut Tally::default())
+}
+
+/// Radiance scattered once from a point light of unit intensity by isotropic, white lumps: midpoints in the angle seen from the light, on each
+/// side of the point nearest to it.
+fn single_scattering(grid: &GridMedium, origin: DVec3, direction: Vec3, light: DVec3) -> f64 {
+    const POINTS: u32 = 400;
+    let Some(span) = grid.span(origin, direction, f64::INFINITY) else {
+        return 0.0;
+    };
+    let part = (span.t_enter, span.t_enter + f64::from(span.length));
+    let Some(points) = Equiangular::new(origin, direction, light, part) else {
+        return 0.0;
+    };
+    let d = direction.as_dvec3();
+    (0..POINTS)
+        .map(|i| {
+            let t = points.sample((i as f32 + 0.5) / POINTS as f32);
+            let p = origin + d * t;
+            let to = light - p;
+            let through = depth(grid, origin, d, t) + depth(grid, p, to.normalize(), to.length());
+            let scattered = grid.sigma_t_at(p) * f64::from(ISOTROPIC) * (-through).exp();
+            scattered / (to.length_squared() * points.pdf(t) * f64::from(POINTS))
+        })
+        .sum()
+}
+
+fn all_stresses() -> Result<Vec<Stress>, Error> {
+    let mut stresses = Vec::new();
+    let mut add = |name: &str, what: &str, subject: Subject| {
+        stresses.push(Stress {
+            name: name.into(),
+            what: what.into(),
+            subject,
+            broken: false,
+            homogeneous: false,
+        });
+    };
+    for depth in [1e-6, 1e-3, 1.0, 10.0, 50.0, 1e2, 1e4] {
+        let what = format!("two waves, optical depth {depth}, tight bound");
+        add(&format!("depth {depth:e}"), &what, Subject::Profile(waves(depth, 1.0)));
+    }
+    for factor in [10.0, 100.0, 1e4] {
+        let what = format!("two waves, optical depth 1, bound {factor} times too loose");
+        add(&format!("loose {factor:e}"), &what, Subject::Profile(waves(1.0, factor)));
+    }
+    let tents = |centres: Vec<f64>, half_width: f64, peaks: Vec<f64>, floor: f64| {
+        let majorant = floor + peaks.iter().copied().fold(0.0, f64::max);
+        let profile = Profile::Tents { centres, half_width, peaks, floor };
+        ProfileCase {
+            name: String::new(),
+            profile,
+            length: 1.0,
+            majorant,
+            minorant: floor,
+            use_majorant: None,
+        }
+    };
+    let spike = tents(vec![0.37], 0.001, vec![1000.0], 0.0);
+    add(
+        "spike",
+        "all extinction (optical depth 1) in a thousandth of the ray",
+        Subject::Profile(spike),
+    );
+    let hole = steps(&[0.0, 0.45, 0.55, 1.0], &[4.0, 0.0, 4.0]);
+    add("hole", "optical depth 3.6, nothing in the middle tenth", Subject::Profile(hole));
+    let stairs = steps(&[0.0, 0.2, 0.5, 0.7, 1.0], &[0.5, 3.0, 0.2, 1.5]);
+    add("steps", "four levels between 0.2 and 3", Subject::Profile(stairs));
+    let edges: Vec<f64> = (0..=32).map(|i| f64::from(i) / 32.0).collect();
+    let bars: Vec<f64> = (0..32).map(|i| f64::from(i % 2) * 6.0).collect();
+    add("comb", "16 bars of extinction 6, optical depth 3", Subject::Profile(steps(&edges, &bars)));
+    let relative = |green, blue| Vec3::new(1.0, green, blue);
+    add(
+        "channels 1:100",
+        "extinction 1 : 0.1 : 0.01, optical depth 5 in the first channel",
+        Subject::Chromatic(waves(5.0, 1.0), relative(0.1, 0.01)),
+    );
+    add(
+        "clear channel",
+        "extinction 1 : 0.5 : 0, optical depth 5 in the first channel",
+        Subject::Chromatic(waves(5.0, 1.0), relative(0.5, 0.0)),
+    );
+    for (name, what, albedo, g) in [
+        ("albedo 1", "white furnace of an image, albedo 1", 1.0, 0.0),
+        ("g 0.999", "white furnace of an image, g 0.999", 1.0, 0.999),
+        ("g -0.999", "white furnace of an image, g -0.999", 1.0, -0.999),
+    ] {
+        let scene = picture(1.5, albedo, g, Lit::ByImage)?;
+        let expected = pixels(&scene, |_, _, _| 1.0);
+        add(name, what, Subject::Picture(scene, expected, None));
+    }
+    let scene = picture(1.0, 0.0, 0.0, Lit::Constant)?;
+    let expected = pixels(&scene, |grid, o, d| (-depth(grid, o, d.as_dvec3(), 1e9)).exp());
+    add(
+        "albedo 0",
+        "absorption before a constant background",
+        Subject::Picture(scene, expected, None),
+    );
+    let light = DVec3::new(0.02, 0.01, -0.01);
+    let scene = picture(0.1, 1.0, 0.0, Lit::ByPoint(light))?;
+    let expected = pixels(&scene, |grid, o, d| single_scattering(grid, o, d, light));
+    let what = "a point light within thin smoke, single scattering";
+    add("light in smoke", what, Subject::Picture(scene, expected, Some(1)));
+
+    let diagonal = Vec3::new(0.6, 0.48, 0.64);
+    let lumpy = lumps(16);
+    let cube = [16; 3];
+    let plain = grid([0; 3], cube, &lumpy, DAffine3::IDENTITY, 0.15)?;
+    let single = grid([0; 3], [1; 3], &[1.0], DAffine3::IDENTITY, 2.0)?;
+    add(
+        "one voxel",
+        "a grid of a single voxel",
+        Subject::Grid(single, DVec3::new(-1.0, -0.7, -1.1), diagonal),
+    );
+    let flat = DAffine3::from_scale(DVec3::new(1.0, 1000.0, 1.0));
+    let flat = grid([0; 3], cube, &lumpy, flat, 0.05)?;
+    let (target, origin) = (DVec3::new(8.0, 8000.0, 8.0), DVec3::new(-3.0, 2000.0, -2.0));
+    add(
+        "aspect 1:1000",
+        "voxels a thousand times as long as wide",
+        Subject::Grid(flat, origin, (target - origin).normalize().as_vec3()),
+    );
+    let far = grid([0; 3], cube, &lumpy, DAffine3::from_translation(DVec3::splat(1e6)), 0.15)?;
+    add(
+        "world 1e6",
+        "a million units from the world's origin",
+        Subject::Grid(far, DVec3::splat(1e6) + DVec3::new(1.0, 2.0, 0.5), diagonal),
+    );
+    let far = grid([1_000_000; 3], cube, &lumpy, DAffine3::IDENTITY, 0.15)?;
+    add(
+        "index 1e6",
+        "index coordinates of a million",
+        Subject::Grid(far, DVec3::splat(1e6) + DVec3::new(1.0, 2.0, 0.5), diagonal),
+    );
+    for scale in [1e-6, 1e6] {
+        let scaled = grid(
+            [0; 3],
+            cube,
+            &lumpy,
+            DAffine3::from_scale(DVec3::splat(scale)),
+            0.15 / scale as f32,
+        )?;
+        add(
+            &format!("scale {scale:e}"),
+            "the same cloud at another scale",
+            Subject::Grid(scaled, DVec3::new(1.0, 2.0, 0.5) * scale, diagonal),
+        );
+    }
+    add(
+        "face",
+        "a ray within a face of the majorant cells",
+        Subject::Grid(plain.clone(), DVec3::new(-2.0, 4.0, 5.3), Vec3::X),
+    );
+    add(
+        "edge",
+        "a ray along an edge of the majorant cells",
+        Subject::Grid(plain.clone(), DVec3::new(-2.0, 4.0, 8.0), Vec3::X),
+    );
+    let corner = Vec3::ONE.normalize();
+    add(
+        "corners",
+        "a ray through corners of the majorant cells",
+        Subject::Grid(plain.clone(), DVec3::splat(-2.0), corner),
+    );
+    let turned = DAffine3::from_quat(DQuat::from_axis_angle(DVec3::Z, 1e-9));
+    let turned = grid([0; 3], cube, &lumpy, turned, 0.15)?;
+    add(
+        "nearly parallel",
+        "a ray at 1e-9 radian to a face",
+        Subject::Grid(turned, DVec3::new(-2.0, 4.0, 5.3), Vec3::X),
+    );
+    add(
+        "zero length",
+        "a segment of no length",
+        Subject::Profile(ProfileCase { length: 0.0, ..waves(3.0, 1.0) }),
+    );
+    let fog =
+        HomogeneousMedium::new([0.5; 3], None, [1.0; 3], Phase::Isotropic).map_err(Error::Media)?;
+    add("infinite", "fog without end", Subject::Homogeneous(fog, f32::INFINITY));
+    let mut bad = lumpy.clone();
+    for (i, value) in bad.iter_mut().enumerate() {
+        match i % 7 {
+            0 => *value = f32::NAN,
+            2 => *value = f32::INFINITY,
+            4 => *value = -3.0,
+            5 => *value = f32::NEG_INFINITY,
+            _ => {}
+        }
+    }
+    let bad = grid([0; 3], cube, &bad, DAffine3::IDENTITY, 0.3)?;
+    add(
+        "NaN, inf, negative",
+        "four of seven voxels are no densities: they count as zero",
+        Subject::Grid(bad, DVec3::new(-1.0, 2.0, 0.5), diagonal),
+    );
+    for excess in [1.01, 2.0, 100.0] {
+        let what = format!("two waves, optical depth 2, extinction up to {excess} times the bound");
+        stresses.push(Stress {
+            name: format!("broken bound {excess}"),
+            what,
+            subject: Subject::Profile(waves(2.0, 1.0 / excess)),
+            broken: true,
+            homogeneous: false,
+        });
+    }
+    stresses.push(Stress {
+        name: "constant 50".into(),
+        what: "constant extinction, optical depth 50, tight bound".into(),
+        subject: Subject::Profile(constant(50.0, 50.0)),
+        broken: false,
+        homogeneous: true,
+    });
+    if let Some(infinite) = stresses.iter_mut().find(|s| s.name == "infinite") {
+        infinite.homogeneous = true;
+    }
+    Ok(stresses)
+}
+
+/// Estimates of one quantity that should be `exact` in the mean.
+fn judge(samples: &[(Samples, f64)]) -> (f64, f64, f64, u64, bool) {
+    let (mut z, mut deviation, mut worst, mut non_finite, mut missed) =
+        (0.0f64, 0.0f64, 0.0f64, 0, false);
+    for (samples, exact) in samples {
+        let moments = samples.moments();
+        non_finite += samples.non_finite;
+        let scale = exact.max(SMALLEST);
+        let tolerance = 3e-5 * exact + SMALLEST;
+        let here = moments.z(*exact, tolerance);
+        if here.abs() > z.abs() || here.is_nan() {
+            z = here;
+        }
+        deviation = deviation.max(moments.variance.sqrt() / scale);
+        if (moments.worst / scale - 1.0).abs() > (worst - 1.0).abs() || worst == 0.0 {
+            worst = moments.worst / scale;
+        }
+        missed |= (moments.mean - exact).abs() > 0.5 * scale && *exact > SMALLEST;
+    }
+    (z, deviation, worst, non_finite, missed)
+}
+
+/// Draws until there are enough samples or too many events.
+fn draw(mut one: impl FnMut(&mut Pcg32, &mut Tally)) -> (Tally, u32) {
+    let mut rng = Pcg32::new(20_261_123, 17);
+    let mut tally = Tally::default();
+    let mut n = 0;
+    while n < SAMPLES && tally.lookups + tally.majorant_steps < MOST_EVENTS {
+        one(&mut rng, &mut tally);
+        n += 1;
+    }
+    (tally, n)
+}
+
+struct Outcome {
+    judged: (f64, f64, f64, u64, bool),
+    lookups: f64,
+    steps: f64,
+}
+
+fn estimate<F: ExactField, C: Channels>(
+    estimator: Estimator,
+    field: impl Fn() -> F,
+    channels: C,
+    depth: f64,
+) -> Outcome {
+    let mut samples = vec![Samples::default(); C::Value::COUNT];
+    let (tally, n) = draw(|rng, tally| {
+        let value = estimator.estimate(field(), channels, 0.0, rng, tally);
+        for (c, samples) in samples.iter_mut().enumerate() {
+            samples.push(f64::from(value.channel(c)));
+        }
+    });
+    let exact = |c: usize| {
+        let relative = f64::from(channels.of(1.0).channel(c));
+        if relative == 0.0 { 1.0 } else { (-relative * depth).exp() }
+    };
+    let samples: Vec<_> = samples.into_iter().enumerate().map(|(c, s)| (s, exact(c))).collect();
+    Outcome {
+        judged: judge(&samples),
+        lookups: tally.lookups as f64 / f64::from(n),
+        steps: tally.majorant_steps as f64 / f64::from(n),
+    }
+}
+
+/// Flights by where they end: eight parts of equal probability in the first channel and the escape, and their total weight, whose mean is one.
+fn fly<F: ExactField, C: Channels>(
+    sampler: DistanceSampler,
+    field: impl Fn() -> F,
+    channels: C,
+    depth: f64,
+) -> Outcome {
+    const PARTS: usize = 8;
+    let escape = (-depth).exp();
+    let ends: Vec<(f64, f64)> = (1..PARTS)
+        .map(|k| {
+            let tau = -(1.0 - k as f64 / PARTS as f64 * (1.0 - escape)).ln();
+            let t = field().t_at_depth(tau, &mut Tally::default());
+            (tau, t.map_or(f64::INFINITY, f64::from))
+        })
+        .collect();
+    let mut parts = vec![vec![Samples::default(); PARTS + 2]; C::Value::COUNT];
+    let beta = C::Value::ONE;
+    let (tally, n) = draw(|rng, tally| {
+        let flown = sampler.fly(field(), channels, beta, None, rng, tally);
+        let part = match flown.flight {
+            Flight::Collision(t) => ends.iter().filter(|end| f64::from(t) > end.1).count(),
+            Flight::Escape => PARTS,
+        };
+        for (c, parts) in parts.iter_mut().enumerate() {
+            let weight = f64::from(flown.weight.channel(c));
+            for (k, samples) in parts.iter_mut().enumerate() {
+                samples.push(if k == part || k == PARTS + 1 { weight } else { 0.0 });
+            }
+        }
+    });
+    let mut bins = Vec::new();
+    let mut totals = Vec::new();
+    for (c, parts) in parts.into_iter().enumerate() {
+        let relative = f64::from(channels.of(1.0).channel(c));
+        let through = |tau: f64| if relative == 0.0 { 1.0 } else { (-relative * tau).exp() };
+        for (k, samples) in parts.into_iter().enumerate() {
+            if k == PARTS + 1 {
+                totals.push((samples, 1.0));
+                continue;
+            }
+            let start = if k == 0 { 0.0 } else { ends.get(k - 1).map_or(depth, |end| end.0) };
+            let exact = if k == PARTS {
+                through(depth)
+            } else {
+                through(start) - through(ends.get(k).map_or(depth, |end| end.0))
+            };
+            // Too few flights end there for a normal mean.
+            if exact * f64::from(n) >= 50.0 {
+                bins.push((samples, exact));
+            }
+        }
+    }
+    let (z, _, _, bad, missed) = judge(&bins);
+    let (z_total, deviation, worst, bad_total, missed_total) = judge(&totals);
+    let z = if z.abs() > z_total.abs() { z } else { z_total };
+    Outcome {
+        judged: (z, deviation, worst, bad.max(bad_total), missed || missed_total),
+        lookups: tally.lookups as f64 / f64::from(n),
+        steps: tally.majorant_steps as f64 / f64::from(n),
+    }
+}
+
+fn ask<F: ExactField, C: Channels>(
+    method: Method,
+    field: impl Fn() -> F,
+    channels: C,
+    depth: f64,
+) -> Outcome {
+    match method {
+        Method::Transmittance(estimator) => estimate(estimator, field, channels, depth),
+        Method::Distance(sampler) => fly(sampler, field, channels, depth),
+        Method::Equiangular => fly(DistanceSampler::Delta, field, channels, depth),
+    }
+}
+
+fn render_picture(
+    method: Method,
+    scene: &Scene,
+    expected: &[f64],
+    max_bounces: Option<u32>,
+) -> Result<Outcome, Error> {
+    let base = RenderSettings {
+        samples: 0..64,
+        seed: 11,
+        max_bounces,
+        filter: Filter::Box { radius: 1e-4 },
+        ..RenderSettings::default()
+    };
+    let settings = match method {
+        Method::Transmittance(estimator) => {
+            RenderSettings { transmittance: Transmittance::By(estimator), ..base }
+        }
+        Method::Distance(sampler) => RenderSettings {
+            distance: Distance::By(sampler),
+            transmittance: Transmittance::By(Estimator::Ratio),
+            ..base
+        },
+        Method::Equiangular => RenderSettings { distance: Distance::Equiangular, ..base },
+    };
+    let plan = Plan::new(scene, &settings).map_err(Error::Render)?;
+    let [width, height] = scene.camera.resolution();
+    let mut film = Film::new([width, height], None)?;
+    let counters =
+        render(scene, &plan, &settings, &mut film, &Unmonitored).map_err(Error::Render)?;
+    let (image, variance) = (film.image(), film.variance());
+    let (mut difference, mut noise, mut truth) = (0.0f64, 0.0f64, 0.0f64);
+    let mut worst = 1.0f64;
+    for (i, exact) in (0..).zip(expected) {
+        let (x, y) = (i % width, i / width);
+        let value = f64::from(image.get("G", x, y).unwrap_or(f32::NAN));
+        difference += value - exact;
+        noise += f64::from(variance.get("G", x, y).unwrap_or(f32::NAN));
+        truth += exact;
+        if (value / exact - 1.0).abs() > (worst - 1.0).abs() {
+            worst = value / exact;
+        }
+    }
+    let pixels = f64::from(width * height);
+    let samples = 64.0;
+    let beyond = (difference.abs() - 1e-5 * truth).max(0.0) * difference.signum();
+    let z = if beyond == 0.0 { 0.0 } else { beyond / noise.sqrt() };
+    let deviation = (noise / pixels * samples).sqrt() / (truth / pixels);
+    let missed = difference.abs() > 0.5 * truth;
+    let paths = counters.paths as f64;
+    Ok(Outcome {
+        judged: (z, deviation, worst, counters.dropped, missed),
+        lookups: counters.lookups as f64 / paths,
+        steps: counters.majorant_steps as f64 / paths,
+    })
+}
+
+/// Why a method does not bear a stress.
+fn reason(method: Method, stress: &Stress) -> &'static str {
+    let broken = stress.broken;
+    match method {
+        Method::Transmittance(estimator) => match estimator {
+            Estimator::Regular => "exact but for rounding",
+            Estimator::Delta if broken => "acceptance saturates where the bound does not hold",
+            Estimator::Delta => "a yes or no: relative variance 1/T - 1",
+            Estimator::Ratio if broken => {
+                "factors are negative where the bound does not hold: variance exp(integral of sigma_t^2 / rate)"
+            }
+            Estimator::Ratio => "relative variance exp(integral of sigma_t^2 / majorant) - 1",
+            Estimator::ResidualRatio if broken => "no bound, no rate for the residual",
+            Estimator::ResidualRatio => {
+                "relative variance exp(integral of (sigma_t - minorant)^2 / (majorant - minorant)) - 1"
+            }
+            Estimator::NextFlight if broken => "signed weights where the bound does not hold",
+            Estimator::NextFlight => {
+                "the answer hangs on vertices near the end: rare, with weight about one"
+            }
+            Estimator::Volterra => {
+                "alternating terms of size tau^k / k!: a factor of variance per unit depth"
+            }
+            Estimator::Taylor => {
+                "terms of size tau^k / k! cancel: a factor of variance per unit depth"
+            }
+            Estimator::PseriesCumulative => {
+                "null ratios vary as in ratio tracking; its order may stop on a first term that is small by chance"
+            }
+            Estimator::PseriesCmf => "null ratios vary as in ratio tracking",
+            Estimator::Bidirectional => {
+                "the noise of stretches multiplies: exponential in their number"
+            }
+            Estimator::UnbiasedRayMarching => {
+                "teeth miss narrow features or beat with the field; rare corrections carry the rest"
+            }
+            Estimator::DebiasedRayMarching => {
+                "differences do not shrink before a comb resolves the feature: slow tail"
+            }
+            Estimator::RayMarching => "Jensen's inequality: too bright by T Var[depth] / 2",
+        },
+        Method::Distance(sampler) => match sampler {
+            DistanceSampler::Analytic | DistanceSampler::Regular => "exact but for rounding",
+            DistanceSampler::Delta if broken => {
+                "acceptance saturates where the bound does not hold"
+            }
+            DistanceSampler::Delta => {
+                "channels that are thinner than the mean gain weight at every null collision"
+            }
+            DistanceSampler::WeightedDelta => {
+                "weights change sign and grow at every null collision where the bound does not hold"
+            }
+            DistanceSampler::Decomposition | DistanceSampler::Spectral if broken => {
+                "probabilities saturate where the bound does not hold"
+            }
+            DistanceSampler::Decomposition | DistanceSampler::Spectral => {
+                "weights of channels reach their number"
+            }
+            DistanceSampler::RayMarching => "extinction taken for constant within a step",
+        },
+        Method::Equiangular => "points ignore the medium",
+    }
+}
+
+fn cell(method: Method, stress: &Stress) -> Result<StabilityCell, Error> {
+    let blank = StabilityCell {
+        method: method.name(),
+        stress: stress.name.clone(),
+        verdict: Verdict::Refused,
+        z: f64::NAN,
+        relative_deviation: f64::NAN,
+        lookups: f64::NAN,
+        steps: f64::NAN,
+        worst: f64::NAN,
+        non_finite: 0,
+        reason: "",
+    };
+    if method == Method::Distance(DistanceSampler::Analytic) && !stress.homogeneous {
+        let reason = "closed form of constant extinction only: the plan refuses grids";
+        return Ok(StabilityCell { reason, ..blank });
+    }
+    if method == Method::Equiangular && stress.name != "light in smoke" {
+        let reason = "no point light that points could be aimed at: the plan flies";
+        return Ok(StabilityCell { reason, ..blank });
+    }
+    let outcome = match &stress.subject {
+        Subject::Profile(case) => ask(method, || case.ray(), Grey, case.optical_depth()),
+        Subject::Chromatic(case, relative) => {
+            ask(method, || case.ray(), Relative(*relative), case.optical_depth())
+        }
+        Subject::Grid(medium, origin, direction) => {
+            let d = direction.as_dvec3();
+            let depth = optical_depth(medium, *origin, d, 0.0, 1e30, &mut Tally::default());
+            let span = medium.span(*origin, *direction, f64::INFINITY).ok_or(Error::Argument {
+                what: format!("{}: the ray misses the grid", stress.name),
+                remedy: "aim the ray at it",
+            })?;
+            ask(method, || medium.any_ray(&span), Grey, depth)
+        }
+        Subject::Homogeneous(medium, length) => {
+            let depth = f64::from(medium.scale()) * f64::from(*length);
+            ask(method, || medium.ray(*length), Grey, depth)
+        }
+        Subject::Picture(scene, expected, max_bounces) => {
+            render_picture(method, scene, expected, *max_bounces)?
+        }
+    };
+    let (z, deviation, worst, non_finite, missed) = outcome.judged;
+    let verdict = if non_finite > 0 || !z.is_finite() && !missed {
+        Verdict::Fails
+    } else if z.abs() > Z_LIMIT && !method.is_unbiased() {
+        Verdict::Biased
+    } else if z.abs() > Z_LIMIT || missed || deviation > FAILS {
+        Verdict::Fails
+    } else if deviation > NOISY {
+        Verdict::Noisy
+    } else {
+        Verdict::Ok
+    };
+    Ok(StabilityCell {
+        verdict,
+        z,
+        relative_deviation: deviation,
+        lookups: outcome.lookups,
+        steps: outcome.steps,
+        worst,
+        non_finite,
+        reason: if verdict == Verdict::Ok { "" } else { reason(method, stress) },
+        ..blank
+    })
+}
+
+/// Measures every method under every stress. The same on every machine and any number of threads.
+///
+/// # Errors
+/// If a scene of a stress cannot be built.
+pub fn stability() -> Result<Stability, Error> {
+    let stresses = all_stresses()?;
+    let pairs: Vec<(Method, &Stress)> =
+        Method::all().into_iter().flat_map(|m| stresses.iter().map(move |s| (m, s))).collect();
+    let cells: Result<Vec<StabilityCell>, Error> =
+        pairs.into_par_iter().map(|(method, stress)| cell(method, stress)).collect();
+    Ok(Stability {
+        stresses: stresses.iter().map(|s| (s.name.clone(), s.what.clone())).collect(),
+        cells: cells?,
+    })
+}
+
+impl Stability {
+    /// All figures.
+    pub fn table(&self) -> Table {
+        let mut table = Table::new(&[
+            "method",
+            "stress",
+            "verdict",
+            "z",
+            "relative deviation",
+            "lookups",
+            "steps",
+            "worst / exact",
+            "non-finite",
+            "reason",
+        ]);
+        for cell in &self.cells {
+            table.push(vec![
+                cell.method.as_str().into(),
+                cell.stress.as_str().into(),
+                cell.verdict.name().into(),
+                cell.z.into(),
+                cell.relative_deviation.into(),
+                cell.lookups.into(),
+                cell.steps.into(),
+                cell.worst.into(),
+                Cell::Count(cell.non_finite),
+                cell.reason.into(),
+            ]);
+        }
+        table
+    }
+
+    /// The verdicts as a matrix of stresses by methods.
+    pub fn matrix(&self) -> Table {
+        let mut methods: Vec<&str> = Vec::new();
+        for cell in &self.cells {
+            if !methods.contains(&cell.method.as_str()) {
+                methods.push(&cell.method);
+            }
+        }
+        let mut columns = vec!["stress"];
+        columns.extend(&methods);
+        let mut table = Table::new(&columns);
+        for (stress, _) in &self.stresses {
+            let verdict = |method: &&str| {
+                let of = |c: &&StabilityCell| c.method == *method && c.stress == *stress;
+                self.cells.iter().find(of).map_or("", |c| c.verdict.name()).into()
+            };
+            let mut row: Vec<Cell> = vec![stress.as_str().into()];
+            row.extend(methods.iter().map(verdict));
+            table.push(row);
+        }
+        table
+    }
+
+    /// The page of the documentation.
+    pub fn markdown(&self) -> String {
+        let count = |v: Verdict| self.cells.iter().filter(|c| c.verdict == v).count();
+        let mut page = format!(
+            "# Where methods break\n\nWritten by `pileus chart stability`; a test keeps the verdicts from changing unseen. Every cell is {SAMPLES} estimates \
+             (fewer where they need more than {MOST_EVENTS} lookups and steps) of a fixed seed, without roulette.\n\n\
+             - **ok**: the mean is within {Z_LIMIT} standard errors of the exact value, and the standard deviation of one estimate is at most {NOISY} times that value \
+             (for flights: of their total weight, whose mean is 1).\n\
+             - **noisy**: unbiased, but noisier than that.\n\
+             - **biased**: a method that is named biased, and is caught.\n\
+             - **fails**: wrong by more than {Z_LIMIT} standard errors, off by more than half (what matters was never sampled), a standard deviation above {FAILS} times the \
+             value, or an estimate that is not finite.\n\
+             - **refused**: the plan does not run it there.\n\n\
+             {} cells are ok, {} noisy, {} biased, {} fail, {} are refused. Transmittances below {SMALLEST:e}, where single precision ends, are not asked for: there zero is ok. \
+             Every figure is in [stability.csv](stability.csv).\n\n",
+            count(Verdict::Ok),
+            count(Verdict::Noisy),
+            count(Verdict::Biased),
+            count(Verdict::Fails),
+            count(Verdict::Refused),
+        );
+        let matrix = self.matrix();
+        for (title, kind) in [("Transmittance", "transmittance "), ("Distances", "distance ")] {
+            let keep: Vec<usize> = (0..matrix.columns.len())
+                .filter(|i| *i == 0 || matrix.columns[*i].starts_with(kind))
+                .collect();
+            let part = Table {
+                columns: keep.iter().map(|i| matrix.columns[*i].replace(kind, "")).collect(),
+                rows: matrix
+                    .rows
+                    .iter()
+                    .map(|row| keep.iter().map(|i| row[*i].clone()).collect())
+                    .collect(),
+            };
+            page += &format!("## {title}\n\n{}\n", part.markdown());
+        }
+        page += "## The stresses\n\n";
+        for (name, what) in &self.stresses {
+            page += &format!("- **{name}**: {what}.\n");
+        }
+        page += "\n## Why\n\n";
+        let mut told: Vec<(&str, &str)> = Vec::new();
+        for cell in self.cells.iter().filter(|c| !c.reason.is_empty()) {
+            if !told.contains(&(&cell.method, cell.reason)) {
+                told.push((&cell.method, cell.reason));
+                let stresses: Vec<&str> = self
+                    .cells
+                    .iter()
+                    .filter(|c| c.method == cell.method && c.reason == cell.reason)
+                    .map(|c| c.stress.as_str())
+                    .collect();
+                let list = if stresses.len() > 12 {
+                    "most stresses".to_owned()
+                } else {
+                    stresses.join(", ")
+                };
+                page += &format!("- **{}** ({list}): {}.\n", cell.method, cell.reason);
+            }
+        }
+        page
+    }
+
+    /// As a chart, with deviation over optical depth and over looseness.
+    pub fn chart(&self) -> Chart {
+        let along = |prefix: &str| -> Vec<Series> {
+            let mut series: Vec<Series> = Vec::new();
+            for cell in &self.cells {
+                let Some(x) = cell.stress.strip_prefix(prefix).and_then(|x| x.parse::<f64>().ok())
+                else {
+                    continue;
+                };
+                let point = [x, cell.relative_deviation];
+                match series.iter_mut().find(|s| s.name == cell.method) {
+                    Some(series) => series.points.push(point),
+                    None => series.push(Series {
+                        name: cell.method.clone(),
+                        points: vec![point],
+                        line: true,
+                    }),
+                }
+            }
+            series
+        };
+        let plot = |name: &str, title: &str, x: &str, prefix: &str| Plot {
+            name: name.into(),
+            title: title.into(),
+            x: Axis::log(x),
+            y: Axis::log("relative standard deviation"),
+            series: along(prefix),
+        };
+        Chart {
+            name: "stability".into(),
+            title: "Where methods break".into(),
+            notes: vec![
+                "Every method under every stress; see the page of the documentation of the same name for what the verdicts mean.".into(),
+            ],
+            provenance: Provenance::here(20_261_123).with("samples per cell", SAMPLES),
+            table: self.table(),
+            plots: vec![
+                plot("depth", "Deviation over optical depth, tight bound", "optical depth", "depth "),
+                plot("loose", "Deviation under loose bounds, optical depth 1", "bound too loose by", "loose "),
+                plot("broken", "Deviation where bounds do not hold, optical depth 2", "extinction over bound", "broken bound "),
+            ],
+            pictures: Vec::new(),
+        }
+    }
+}

@@ -1,0 +1,239 @@
+//! `pileus chart`: experiments of the lab on the user's files.
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+
+use pileus_film::write_atomically;
+use pileus_lab::ProfileCase;
+use pileus_lab::chart::Chart;
+use pileus_lab::experiment::{
+    RenderExperiment, RenderMethod, Subject, TransmittanceMethod, TransmittanceSettings,
+    chart_render, chart_transmittance, classed_rays, stability,
+};
+use pileus_media::Medium;
+use pileus_scene::json::Document;
+use serde::Deserialize;
+
+use crate::cli::{
+    ChartOptions, ChartRenderOptions, ChartStabilityOptions, ChartTransmittanceOptions, Experiment,
+    InputOptions,
+};
+use crate::command::prepare;
+use crate::failure::Failure;
+use crate::input::read_text;
+use crate::report::Report;
+use crate::settings::Overrides;
+
+/// Seconds that a method may take on one ray.
+const SECONDS_PER_RAY: f64 = 0.5;
+/// Largest file of closed forms or timings.
+const MAX_TEXT: u64 = 64 << 20;
+
+pub(crate) fn run(options: &ChartOptions, report: &Report) -> Result<(), Failure> {
+    match &options.experiment {
+        Experiment::Transmittance(options) => transmittance(options, report),
+        Experiment::Render(options) => render(options, report),
+        Experiment::Stability(options) => stability_chart(options, report),
+    }
+}
+
+fn write(chart: &Chart, folder: &Path, report: &Report) -> Result<(), Failure> {
+    for path in chart.write(folder)? {
+        tracing::debug!("{} written", path.display());
+    }
+    let page = folder.join(format!("{}.html", chart.name));
+    report.text(format!("{}\n{}", page.display(), chart.table.markdown()));
+    Ok(())
+}
+
+fn stem(path: &Path) -> String {
+    path.file_stem().map_or_else(|| "asset".into(), |s| s.to_string_lossy().into_owned())
+}
+
+#[derive(Deserialize)]
+struct ClosedForms {
+    cases: Vec<ProfileCase>,
+}
+
+/// The closed forms in a JSON file, if that is what it holds; `FILE#NAME` is one of them.
+fn closed_forms(asset: &Path) -> Result<Option<(String, Vec<ProfileCase>)>, Failure> {
+    let name = asset.to_string_lossy();
+    let (file, wanted) = match name.rsplit_once('#') {
+        Some((file, wanted)) if !asset.exists() => (PathBuf::from(file), Some(wanted.to_owned())),
+        _ => (asset.to_owned(), None),
+    };
+    if file.extension().is_none_or(|extension| !extension.eq_ignore_ascii_case("json")) {
+        return Ok(None);
+    }
+    let text = read_text(&file, MAX_TEXT)?;
+    let value: Option<serde_json::Value> = serde_json::from_str(&text).ok();
+    if value.is_none_or(|value| value.get("cases").is_none()) {
+        return Ok(None);
+    }
+    let ClosedForms { mut cases } = Document::new(&file, text).parse()?;
+    for case in &cases {
+        let numbers = [case.length, case.bound(), case.optical_depth()];
+        if !numbers.iter().all(|x| x.is_finite() && *x >= 0.0) {
+            return Err(Failure::usage(
+                format!(
+                    "{}: case `{}` has no finite depth, length or bound",
+                    file.display(),
+                    case.name
+                ),
+                "give finite numbers of at least 0",
+            ));
+        }
+    }
+    let mut name = stem(&file);
+    if let Some(wanted) = wanted {
+        let names: Vec<String> = cases.iter().map(|c| c.name.clone()).collect();
+        cases.retain(|case| case.name == wanted);
+        if cases.is_empty() {
+            return Err(Failure::usage(
+                format!("{}: there is no case `{wanted}`", file.display()),
+                format!("take one of {}", names.join(", ")),
+            ));
+        }
+        name = wanted;
+    }
+    Ok(Some((name, cases)))
+}
+
+fn transmittance(options: &ChartTransmittanceOptions, report: &Report) -> Result<(), Failure> {
+    let settings = TransmittanceSettings {
+        samples: options.samples,
+        seed: options.seed,
+        methods: TransmittanceMethod::all(),
+        seconds_per_ray: SECONDS_PER_RAY,
+    };
+    for asset in &options.assets {
+        if let Some((name, cases)) = closed_forms(asset)? {
+            let chart = chart_transmittance(&name, &Subject::Profiles(cases), &settings);
+            write(&chart, &options.output, report)?;
+            continue;
+        }
+        let input = InputOptions {
+            input: asset.clone(),
+            grid: options.grid.clone(),
+            density_scale: options.density_scale,
+            up_axis: None,
+        };
+        let prepared = prepare(&input, &Overrides::default())?;
+        let grids: Vec<_> = prepared
+            .loaded
+            .scene
+            .volumes
+            .iter()
+            .filter_map(|volume| match &*volume.medium {
+                Medium::Grid(grid) => Some((volume.name.clone(), grid)),
+                Medium::Homogeneous(_) => None,
+            })
+            .collect();
+        let [(_, medium), others @ ..] = grids.as_slice() else {
+            return Err(Failure::usage(
+                format!("{}: there is no grid to take rays from", asset.display()),
+                "give a volume, or a job with one",
+            ));
+        };
+        if !others.is_empty() {
+            tracing::warn!("{}: rays of the first grid only", asset.display());
+        }
+        let rays = classed_rays(medium, options.rays as usize, options.seed);
+        if rays.is_empty() {
+            return Err(Failure::usage(
+                format!(
+                    "{}: no ray of an optical depth from 1e-6 to 15 was found",
+                    asset.display()
+                ),
+                "set --density-scale so that light gets through",
+            ));
+        }
+        let mut chart =
+            chart_transmittance(&stem(asset), &Subject::Rays { medium, rays }, &settings);
+        chart.provenance = chart.provenance.with("extinction at grid value 1", medium.scale());
+        write(&chart, &options.output, report)?;
+    }
+    Ok(())
+}
+
+fn render(options: &ChartRenderOptions, report: &Report) -> Result<(), Failure> {
+    let methods = if options.methods.is_empty() {
+        RenderMethod::all()
+    } else {
+        options
+            .methods
+            .iter()
+            .map(|name| RenderMethod::from_name(name))
+            .collect::<Result<_, _>>()?
+    };
+    let peers = options.peers.as_deref().map(read_peers).transpose()?.unwrap_or_default();
+    for job in &options.jobs {
+        let input =
+            InputOptions { input: job.clone(), grid: None, density_scale: None, up_axis: None };
+        let overrides = Overrides { resolution: options.resolution, ..Overrides::default() };
+        let prepared = prepare(&input, &overrides)?;
+        let name = stem(job);
+        let experiment = RenderExperiment {
+            scene: &prepared.loaded.scene,
+            settings: prepared.settings.render.clone(),
+            methods: methods.clone(),
+            seconds: options.seconds,
+            reference_spp: options.reference_spp,
+            exposure_stops: prepared.settings.outputs.exposure,
+            peers: peers.get(&name).cloned().unwrap_or_default(),
+            name,
+        };
+        write(&chart_render(&experiment)?, &options.output, report)?;
+    }
+    Ok(())
+}
+
+/// Points of other renderers by scene: name, seconds, relMSE.
+type Peers = HashMap<String, Vec<(String, f64, f64)>>;
+
+fn read_peers(path: &Path) -> Result<Peers, Failure> {
+    let text = read_text(path, MAX_TEXT)?;
+    let mut lines =
+        text.lines().enumerate().filter(|(_, l)| !l.trim().is_empty() && !l.starts_with('#'));
+    let wrong = |line: usize, what: &str| {
+        Failure::usage(
+            format!("{}:{}: {what}", path.display(), line + 1),
+            "give comma-separated columns scene, renderer, seconds and relmse, with a header",
+        )
+    };
+    let (line, header) = lines.next().ok_or_else(|| wrong(0, "the file is empty"))?;
+    let columns: Vec<&str> = header.split(',').map(str::trim).collect();
+    let column = |name: &str| {
+        columns
+            .iter()
+            .position(|c| *c == name)
+            .ok_or_else(|| wrong(line, &format!("no column `{name}`")))
+    };
+    let (scene, renderer) = (column("scene")?, column("renderer")?);
+    let (seconds, error) = (column("seconds")?, column("relmse")?);
+    let mut peers = Peers::new();
+    for (line, row) in lines {
+        let cells: Vec<&str> = row.split(',').map(str::trim).collect();
+        let cell = |i: usize| cells.get(i).copied().ok_or_else(|| wrong(line, "too few columns"));
+        let number = |i: usize| -> Result<f64, Failure> {
+            let text = cell(i)?;
+            text.parse().map_err(|_| wrong(line, &format!("`{text}` is not a number")))
+        };
+        let name = cell(renderer)?;
+        if name != "pileus" {
+            let point = (name.to_owned(), number(seconds)?, number(error)?);
+            peers.entry(cell(scene)?.to_owned()).or_default().push(point);
+        }
+    }
+    Ok(peers)
+}
+
+fn stability_chart(options: &ChartStabilityOptions, report: &Report) -> Result<(), Failure> {
+    let stability = stability()?;
+    let chart = stability.chart();
+    chart.write(&options.output)?;
+    let page = options.output.join("stability.md");
+    write_atomically(&page, |out| std::io::Write::write_all(out, stability.markdown().as_bytes()))?;
+    report.text(format!("{}\n{}", page.display(), stability.matrix().markdown()));
+    Ok(())
+}
