@@ -10,7 +10,7 @@ use std::sync::Once;
 
 const SIZE: (u32, u32) = (960, 600);
 
-/// Colours that stay apart, also for most who do not see all of them; dashes tell the second round.
+/// Colours that stay apart, also for most who do not see all of them; dashes tell the rounds apart.
 const COLORS: [RGBColor; 10] = [
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),
@@ -169,27 +169,41 @@ impl Plot {
             .y_label_formatter(&|v| tick(*v))
             .draw()
             .map_err(failed)?;
+        let pitch = (i32::try_from(SIZE.1).unwrap_or(i32::MAX) - 60)
+            / i32::try_from(self.series.len().max(1)).unwrap_or(i32::MAX);
+        let pitch = pitch.clamp(10, 22);
         for (i, series) in self.series.iter().enumerate() {
             let color = COLORS[i % COLORS.len()];
-            let dashed = i >= COLORS.len();
             let points: Vec<(f64, f64)> =
                 series.points.iter().filter(|p| self.shown(**p)).map(|p| (p[0], p[1])).collect();
-            if series.line && dashed {
-                let line = DashedLineSeries::new(points.clone(), 6, 4, color.stroke_width(2));
-                context.draw_series(line).map_err(failed)?;
-            } else if series.line {
-                let line = LineSeries::new(points.clone(), color.stroke_width(2));
-                context.draw_series(line).map_err(failed)?;
+            // Solid, dashed, dotted.
+            let dash = [None, Some((7, 4)), Some((2, 3))][(i / COLORS.len()).min(2)];
+            match dash {
+                _ if !series.line => {}
+                None => {
+                    let line = LineSeries::new(points.clone(), color.stroke_width(2));
+                    context.draw_series(line).map_err(failed)?;
+                }
+                Some((on, off)) => {
+                    let line =
+                        DashedLineSeries::new(points.clone(), on, off, color.stroke_width(2));
+                    context.draw_series(line).map_err(failed)?;
+                }
             }
             let dots = points.iter().map(|p| Circle::new(*p, 3, color.filled()));
             context.draw_series(dots).map_err(failed)?;
-            let row = 40 + 22 * i as i32;
-            let mark =
-                Rectangle::new([(8, row), (26, row + if dashed { 3 } else { 9 })], color.filled());
-            legend.draw(&mark).map_err(failed)?;
-            let text =
-                Text::new(series.name.clone(), (32, row - 3), ("sans-serif", 14).into_font());
-            legend.draw(&text).map_err(failed)?;
+            let row = 36 + pitch * i32::try_from(i).unwrap_or(i32::MAX);
+            let (on, off) = dash.unwrap_or((18, 0));
+            let mut x = 8;
+            while series.line && x < 26 {
+                let mark =
+                    Rectangle::new([(x, row + 3), ((x + on).min(26), row + 6)], color.filled());
+                legend.draw(&mark).map_err(failed)?;
+                x += on + off;
+            }
+            legend.draw(&Circle::new((17, row + 5), 3, color.filled())).map_err(failed)?;
+            let font = ("sans-serif", (pitch - 3).min(14)).into_font();
+            legend.draw(&Text::new(series.name.clone(), (32, row - 3), font)).map_err(failed)?;
         }
         area.present().map_err(failed)
     }

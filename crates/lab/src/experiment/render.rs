@@ -136,6 +136,19 @@ struct Run {
 }
 
 impl Run {
+    /// Whether the methods have the right mean; limits that a job sets count for all methods alike.
+    fn is_unbiased(&self) -> bool {
+        let estimator = match self.plan.transmittance {
+            Transmittance::By(estimator) => estimator.is_unbiased(),
+            Transmittance::Auto => true,
+        };
+        let sampler = match self.plan.distance {
+            Distance::By(sampler) => sampler.is_unbiased(),
+            Distance::Auto | Distance::Equiangular => true,
+        };
+        estimator && sampler
+    }
+
     /// Renders up to `spp` samples per pixel in total.
     fn extend(&mut self, experiment: &RenderExperiment<'_>, spp: u64) -> Result<(), Error> {
         let settings = self.method.settings(&experiment.settings, self.film.samples()..spp);
@@ -222,7 +235,7 @@ pub fn chart_render(experiment: &RenderExperiment<'_>) -> Result<Chart, Error> {
     }
     let best = rows
         .iter()
-        .filter(|(run, _, _)| run.plan.biased.is_empty())
+        .filter(|(run, _, _)| run.is_unbiased())
         .map(|(run, error, _)| error * run.seconds)
         .fold(f64::INFINITY, f64::min);
     for (run, error, test) in &rows {
@@ -230,7 +243,7 @@ pub fn chart_render(experiment: &RenderExperiment<'_>) -> Result<Chart, Error> {
         let verdict = if run.counters.dropped > 0 {
             "fails"
         } else if test.p_value < 1e-6 {
-            if run.plan.biased.is_empty() { "noisy" } else { "biased" }
+            if run.is_unbiased() { "noisy" } else { "biased" }
         } else {
             "ok"
         };
@@ -256,7 +269,17 @@ pub fn chart_render(experiment: &RenderExperiment<'_>) -> Result<Chart, Error> {
         .map(|run| Series { name: run.method.name(), points: run.points.clone(), line: true })
         .collect();
     for (name, seconds, error) in &experiment.peers {
-        series.push(Series { name: name.clone(), points: vec![[*seconds, *error]], line: false });
+        match series.iter_mut().find(|s| !s.line && s.name == *name) {
+            Some(series) => series.points.push([*seconds, *error]),
+            None => series.push(Series {
+                name: name.clone(),
+                points: vec![[*seconds, *error]],
+                line: false,
+            }),
+        }
+    }
+    if !experiment.peers.is_empty() {
+        notes.push("Points without lines are other renderers' timings, as given: at the resolution they were measured at.".into());
     }
     let tone = ToneMap { exposure_stops: experiment.exposure_stops, ..ToneMap::default() };
     let mut pictures = vec![picture(

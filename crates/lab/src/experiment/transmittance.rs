@@ -203,10 +203,13 @@ fn pool(measured: &[&Measured]) -> Pooled {
     }
 }
 
-/// Slope of the error over time on logarithmic axes, by least squares; `NaN` without error.
+/// Relative error below which a curve shows the rounding of single precision, not noise.
+const ROUNDING: f64 = 1e-5;
+
+/// Slope of the error over time on logarithmic axes, by least squares; `NaN` without error beyond rounding.
 fn slope(curve: &[[f64; 2]]) -> f64 {
     let points: Vec<[f64; 2]> =
-        curve.iter().filter(|p| p[1] > 0.0).map(|p| [p[0].ln(), p[1].ln()]).collect();
+        curve.iter().filter(|p| p[1] > ROUNDING).map(|p| [p[0].ln(), p[1].ln()]).collect();
     let n = points.len() as f64;
     let mean = |k: usize| points.iter().map(|p| p[k]).sum::<f64>() / n;
     let (mx, my) = (mean(0), mean(1));

@@ -1,5 +1,6 @@
 //! The built program with good and bad inputs.
 
+mod chart;
 mod errors;
 mod images;
 mod info;
