@@ -10,6 +10,7 @@ mod plan;
 mod render;
 mod sampler;
 mod settings;
+mod thickness;
 
 pub use counters::Counters;
 pub use error::Error;

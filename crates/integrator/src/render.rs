@@ -8,7 +8,7 @@ use crate::path::Kernel;
 use crate::plan::{KernelKind, Plan};
 use crate::sampler::PathSampler;
 use crate::settings::RenderSettings;
-use glam::DVec3;
+use crate::thickness::typical_sigma_t;
 use pileus_film::{Film, PixelSample, Tile};
 use pileus_media::{GridMedium, Medium, Voxel, VoxelKernel};
 use pileus_scene::Scene;
@@ -186,32 +186,6 @@ impl<J: Job> VoxelKernel for Single<'_, J> {
         };
         run_planned(self.plan, self.job, &kernel)
     }
-}
-
-/// Points per axis at which media are looked up for their typical extinction.
-const TYPICAL_LATTICE: u32 = 12;
-
-/// Mean extinction over the media's boxes, summed over media, 1/length: what the weights of equiangular points take for the flights' rate.
-fn typical_sigma_t(scene: &Scene) -> f64 {
-    let mut sum = 0.0;
-    for volume in &scene.volumes {
-        sum += match (&*volume.medium, volume.medium.bounds_world()) {
-            (Medium::Homogeneous(medium), _) => f64::from(medium.scale()),
-            (Medium::Grid(medium), Some((low, high))) => {
-                let n = TYPICAL_LATTICE;
-                let at = |i: u32| (f64::from(i) + 0.5) / f64::from(n);
-                let mut total = 0.0;
-                for i in 0..n.pow(3) {
-                    let u = DVec3::new(at(i % n), at(i / n % n), at(i / (n * n)));
-                    total += medium.sigma_t_at(low + (high - low) * u);
-                }
-                total / f64::from(n.pow(3))
-            }
-            (Medium::Grid(_), None) => 0.0,
-        };
-    }
-    // Without extinction nothing is scattered, whatever the weights are.
-    if sum > 0.0 { sum } else { 1.0 }
 }
 
 /// Traces one sample of one pixel.

@@ -183,3 +183,90 @@ fn exact_inversion_finds_the_depth() {
         assert!(tested > 20, "{name}: only {tested} rays tested");
     }
 }
+
+/// Null hypothesis per ray: flights end in four parts of equal probability, and escape, as the exact depth says. |z| < 6.5 on some 30,000 figures:
+/// false alarm 3e-6 under the normal law.
+#[test]
+fn flights_are_exact_on_every_ray() {
+    use pileus_media::distance::{DistanceSampler, Flight};
+    const SAMPLES: u32 = 4_000;
+    let mut failed = Vec::new();
+    for name in ASSETS {
+        let (grid, _, rays) = rays(name);
+        let path = common::asset(&format!("{name}.vdb"));
+        let unit = common::medium(&path, &grid, 1.0);
+        let mut tested = 0;
+        for (index, ray) in rays.iter().enumerate() {
+            if ray.tau < 1e-3 || ray.t_min >= ray.t_max {
+                continue;
+            }
+            let scale = (2.0 / ray.tau).min(20.0) as f32;
+            let medium = pileus_media::GridMedium::new(
+                unit.grid().clone(),
+                common::read(&path, &grid).1,
+                [scale; 3],
+                unit.albedo().clone(),
+                *unit.phase(),
+            )
+            .unwrap();
+            let origin = ray.origin + ray.direction * ray.t_min;
+            let length = ray.t_max - ray.t_min;
+            let Some(span) = medium.span(origin, ray.direction.as_vec3(), length) else {
+                panic!("{name} ray {index}: depth {} but no span", ray.tau);
+            };
+            let escape = (-ray.tau * f64::from(scale)).exp();
+            let part = 0.25 * (1.0 - escape);
+            if part * f64::from(SAMPLES) < 30.0 {
+                continue;
+            }
+            let ends: Vec<f32> = (1..4)
+                .map(|k| {
+                    let depth = -(1.0 - f64::from(k) * part).ln();
+                    medium
+                        .any_ray(&span)
+                        .t_at_depth(depth, &mut Tally::default())
+                        .unwrap_or(f32::MAX)
+                })
+                .collect();
+            for sampler in [
+                DistanceSampler::Delta,
+                DistanceSampler::WeightedDelta,
+                DistanceSampler::Decomposition,
+                DistanceSampler::Regular,
+                DistanceSampler::Spectral,
+            ] {
+                let mut rng = Pcg32::new(index as u64, 13);
+                let mut tally = Tally::default();
+                let mut counts = [0.0f64; 5];
+                for _ in 0..SAMPLES {
+                    let field = medium.any_ray(&span);
+                    let flown = sampler.fly(field, Grey, 1.0, None, &mut rng, &mut tally);
+                    assert!((flown.weight - 1.0).abs() < 1e-4, "{sampler:?} {flown:?}");
+                    let bin = match flown.flight {
+                        Flight::Collision(t) => ends.iter().filter(|end| t > **end).count(),
+                        Flight::Escape => 4,
+                    };
+                    counts[bin] += 1.0;
+                }
+                assert_eq!(tally.violations, 0);
+                for (bin, count) in counts.into_iter().enumerate() {
+                    let p = if bin == 4 { escape } else { part };
+                    let n = f64::from(SAMPLES);
+                    // Ends are known in single precision: some 1e-4 of the probability may change sides.
+                    let error = (n * p * (1.0 - p)).sqrt() + 3e-4 * n * p;
+                    let z = (count - n * p) / error;
+                    if !(z.abs() < 6.5) {
+                        failed.push(format!(
+                            "{name} ray {index} {}: part {bin}, z {z:.2}",
+                            sampler.name()
+                        ));
+                    }
+                }
+            }
+            tested += 1;
+        }
+        println!("{name}: {tested} rays");
+        assert!(tested > 20, "{name}: only {tested} rays tested");
+    }
+    assert!(failed.is_empty(), "{failed:#?}");
+}

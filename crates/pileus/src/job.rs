@@ -212,7 +212,7 @@ pub struct SamplingSpec {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum TransmittanceSpec {
-    /// What the plan finds best for the scene; in this version always `ratio`.
+    /// What costs the least error x time in whole images, by measurement: `ratio`.
     #[default]
     Auto,
     /// Exact: the field is integrated cell by cell. No noise; the cost of every voxel on the way.
@@ -247,7 +247,8 @@ pub enum TransmittanceSpec {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum DistanceSpec {
-    /// What the plan finds best for the scene.
+    /// What costs the least error x time in whole images, by measurement: `delta` for grey media, `spectral`
+    /// for others; with `equiangular` points where point or spot lights shine into very thin media.
     #[default]
     Auto,
     /// Closed form: homogeneous volumes only.
@@ -263,7 +264,7 @@ pub enum DistanceSpec {
     Regular,
     /// Delta tracking decided by the throughput-weighted mean over channels.
     Spectral,
-    /// What `auto` takes, and for point and spot lights points seen from them at equal angles, the two
+    /// The flights of `auto`, and for point and spot lights points seen from them at equal angles, the two
     /// weighted against each other.
     Equiangular,
     /// Plain ray marching with 64 steps. Biased: volumes are too transparent.
