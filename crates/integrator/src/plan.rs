@@ -7,10 +7,11 @@ use crate::settings::{Distance, RenderSettings, Transmittance};
 use crate::thickness::typical_depth;
 use pileus_media::distance::DistanceSampler;
 use pileus_media::transmittance::Estimator;
-use pileus_media::{Albedo, Medium, Phase};
+use pileus_media::{Albedo, MajorantStructure, Medium, Phase};
 use pileus_scene::{Light, Scene};
 use serde::Serialize;
 use std::fmt;
+use std::sync::Arc;
 
 /// Which path kernel runs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -45,6 +46,17 @@ pub struct PlannedVolume {
     pub albedo: String,
 }
 
+/// The media that a plan renders: those of the scene, with the majorants it chose.
+#[derive(Debug, Clone)]
+pub(crate) struct PlannedMedia(pub(crate) Vec<Arc<Medium>>);
+
+impl PartialEq for PlannedMedia {
+    /// Plans are compared by what they choose; what they are made for is the scene's to say.
+    fn eq(&self, _: &PlannedMedia) -> bool {
+        true
+    }
+}
+
 /// What is modelled, by which methods, and why. Prints itself for people and serialises for `stats` and image metadata.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Plan {
@@ -60,12 +72,14 @@ pub struct Plan {
     pub(crate) equiangular: bool,
     #[serde(skip)]
     pub(crate) methods: Methods,
+    #[serde(skip)]
+    pub(crate) media: PlannedMedia,
     /// Factor on the majorants of grids.
     pub majorant_scale: f32,
     /// What makes the mean of the image differ from the truth, by its settings' names.
     pub biased: Vec<String>,
     /// Majorant structure in use.
-    pub majorants: &'static str,
+    pub majorants: String,
     /// Lights that shadow rays are sent to.
     pub shadow_ray_lights: usize,
     /// Most scattering events on a path; none: unlimited.
@@ -170,9 +184,10 @@ impl Plan {
             transmittance: Transmittance::By(methods.transmittance),
             equiangular,
             methods,
+            media: prepare(scene, settings)?,
             majorant_scale: settings.majorant_scale,
             biased,
-            majorants: "hierarchical walk, cells of 4, 8, 16, ... voxels by expected collisions",
+            majorants: settings.majorants.name(),
             shadow_ray_lights: lights.len(),
             max_bounces: settings.max_bounces,
             volumes,
@@ -227,6 +242,29 @@ fn choose_equiangular(
     chosen
 }
 
+/// The media with their majorants.
+fn prepare(scene: &Scene, settings: &RenderSettings) -> Result<PlannedMedia, Error> {
+    let (structure, factor) = (settings.majorants, settings.majorant_scale);
+    let plain = structure == MajorantStructure::default() && factor == 1.0;
+    let media: Result<Vec<_>, Error> = scene
+        .volumes
+        .iter()
+        .map(|volume| {
+            if plain {
+                return Ok(Arc::clone(&volume.medium));
+            }
+            volume.medium.with_majorants(structure, factor).map(Arc::new).map_err(|error| {
+                Error::Invalid {
+                    what: format!("volume `{}`: {error}", volume.name),
+                    remedy: "leave sampling.majorants and sampling.majorant_scale to the plan"
+                        .into(),
+                }
+            })
+        })
+        .collect();
+    media.map(PlannedMedia)
+}
+
 /// The methods for flights and shadow rays.
 fn choose(
     scene: &Scene,
@@ -234,14 +272,6 @@ fn choose(
     grey: bool,
     reasons: &mut Vec<String>,
 ) -> Result<Methods, Error> {
-    for volume in &scene.volumes {
-        if let Err(error) = volume.medium.with_majorants_scaled(settings.majorant_scale) {
-            return Err(Error::Invalid {
-                what: format!("volume `{}`: {error}", volume.name),
-                remedy: "set sampling.majorant_scale to 1".into(),
-            });
-        }
-    }
     let bounded = settings.majorant_scale >= 1.0;
     let distance = match settings.distance {
         Distance::By(sampler) => sampler,

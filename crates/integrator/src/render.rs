@@ -3,18 +3,20 @@
 use crate::counters::Counters;
 use crate::error::Error;
 use crate::lights::Lights;
-use crate::media::{Media, Overlapping, Ray, SingleGrey};
+use crate::media::{
+    AnyStructure, DefaultStructure, Media, Overlapping, Ray, SingleGrey, Structures,
+};
 use crate::path::Kernel;
 use crate::plan::{KernelKind, Plan};
 use crate::sampler::PathSampler;
 use crate::settings::RenderSettings;
 use crate::thickness::typical_sigma_t;
 use pileus_film::{Film, PixelSample, Tile};
-use pileus_media::{GridMedium, Medium, Voxel, VoxelKernel};
+use pileus_media::{GridMedium, MajorantStructure, Medium, Voxel, VoxelKernel};
 use pileus_scene::Scene;
 use rayon::prelude::*;
+use std::marker::PhantomData;
 use std::ops::Range;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
@@ -129,32 +131,22 @@ fn dispatch<J: Job>(
     settings: &RenderSettings,
     job: &mut J,
 ) -> J::Output {
-    let media: Vec<Arc<Medium>> = scene
-        .volumes
-        .iter()
-        .map(|volume| match volume.medium.with_majorants_scaled(settings.majorant_scale) {
-            Ok(scaled) if settings.majorant_scale != 1.0 => Arc::new(scaled),
-            // The plan has refused scales that are out of range.
-            _ => Arc::clone(&volume.medium),
-        })
-        .collect();
+    let media = plan.media.0.as_slice();
     let max_bounces = settings.max_bounces.unwrap_or(u32::MAX);
     let typical_sigma_t = if plan.equiangular { typical_sigma_t(scene) } else { 0.0 };
-    if let (KernelKind::SingleGrey, [medium]) = (plan.kernel, media.as_slice())
+    if let (KernelKind::SingleGrey, [medium]) = (plan.kernel, media)
         && let Medium::Grid(medium) = &**medium
     {
-        return medium.with_voxels(Single {
-            medium,
-            plan,
-            scene,
-            lights,
-            max_bounces,
-            typical_sigma_t,
-            job,
-        });
+        let own = medium.majorants().structure() == MajorantStructure::Adaptive;
+        let single = Single { medium, plan, scene, lights, max_bounces, typical_sigma_t, job };
+        return if own {
+            medium.with_voxels(On::<_, DefaultStructure>(single, PhantomData))
+        } else {
+            medium.with_voxels(On::<_, AnyStructure>(single, PhantomData))
+        };
     }
     let kernel = Kernel {
-        media: Overlapping { media: &media, methods: plan.methods },
+        media: Overlapping { media, methods: plan.methods },
         lights,
         environment: &scene.environment,
         max_bounces,
@@ -174,17 +166,26 @@ struct Single<'a, J> {
     job: &'a mut J,
 }
 
-impl<J: Job> VoxelKernel for Single<'_, J> {
+/// The same, with the majorant structures that it is compiled for.
+struct On<T, S>(T, PhantomData<S>);
+
+impl<J: Job, S: Structures> VoxelKernel for On<Single<'_, J>, S> {
     type Output = J::Output;
     fn run<V: Voxel>(self, voxels: &[V]) -> J::Output {
+        let Single { medium, plan, scene, lights, max_bounces, typical_sigma_t, job } = self.0;
         let kernel = Kernel {
-            media: SingleGrey { medium: self.medium, voxels, methods: self.plan.methods },
-            lights: self.lights,
-            environment: &self.scene.environment,
-            max_bounces: self.max_bounces,
-            typical_sigma_t: self.typical_sigma_t,
+            media: SingleGrey::<V, S> {
+                structures: PhantomData,
+                medium,
+                voxels,
+                methods: plan.methods,
+            },
+            lights,
+            environment: &scene.environment,
+            max_bounces,
+            typical_sigma_t,
         };
-        run_planned(self.plan, self.job, &kernel)
+        run_planned(plan, job, &kernel)
     }
 }
 

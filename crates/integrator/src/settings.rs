@@ -1,6 +1,7 @@
 //! How a scene is to be sampled.
 
 use pileus_film::Filter;
+use pileus_media::MajorantStructure;
 use pileus_media::distance::DistanceSampler;
 use pileus_media::transmittance::Estimator;
 use std::ops::Range;
@@ -86,6 +87,8 @@ pub struct RenderSettings {
     pub transmittance: Transmittance,
     /// How distances are sampled.
     pub distance: Distance,
+    /// How grids are parted for their majorants.
+    pub majorants: MajorantStructure,
     /// Factor on the majorants of grids: 1 unless an experiment wants them looser (above) or broken (below).
     pub majorant_scale: f32,
     /// Which techniques find light that both can meet.
@@ -103,6 +106,7 @@ impl Default for RenderSettings {
             filter: Filter::default(),
             transmittance: Transmittance::Auto,
             distance: Distance::Auto,
+            majorants: MajorantStructure::default(),
             majorant_scale: 1.0,
             light_sampling: LightSampling::Both,
             tile_size: 16,

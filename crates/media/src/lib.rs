@@ -25,7 +25,10 @@ pub use error::Error;
 pub use field::{ExactField, MajorantSegment, RayField};
 pub use grid::{BuildReport, GridView, Half, Interpolation, Voxel, VoxelGrid, VoxelGridOptions};
 pub use homogeneous::{HomogeneousMedium, HomogeneousRay};
-pub use majorant::GridRay;
+pub use majorant::{
+    Adaptive, AnyPartition, COLLISION_COST, Cell, GridRay, Hierarchy, MajorantStructure, Majorants,
+    Partition, STEP_COST, StructureCost,
+};
 pub use medium::{Albedo, AnyGridRay, GridMedium, Medium, Span, VoxelKernel};
 pub use phase::Phase;
 pub use tally::Tally;

@@ -5,7 +5,7 @@ use crate::color::ColorGrid;
 use crate::field::{ExactField, MajorantSegment, RayField};
 use crate::grid::{Half, Voxel, VoxelGrid, Voxels};
 use crate::homogeneous::HomogeneousMedium;
-use crate::majorant::GridRay;
+use crate::majorant::{Adaptive, AnyPartition, GridRay, MajorantStructure, Majorants, Partition};
 use crate::phase::Phase;
 use crate::tally::Tally;
 use glam::{DAffine3, DVec3, Mat3, Vec3};
@@ -28,6 +28,7 @@ pub struct GridMedium {
     scale: f32,
     /// Raw bound to majorant, 1/length.
     bound_scale: f32,
+    majorants: Arc<Majorants>,
     /// Extinction per channel relative to the largest.
     relative: Vec3,
     albedo: Albedo,
@@ -101,6 +102,7 @@ impl GridMedium {
             grid,
             scale,
             bound_scale: scale,
+            majorants: Arc::new(Majorants::ADAPTIVE),
             relative,
             albedo,
             phase,
@@ -110,12 +112,16 @@ impl GridMedium {
         })
     }
 
-    /// The same medium with all majorants multiplied by `factor`, for experiments: above one they are looser than need be, below one they
-    /// do not bound.
+    /// The same medium with another majorant structure, and all majorants multiplied by `factor`: 1, but for experiments; above one they are looser than need
+    /// be, below one they do not bound.
     ///
     /// # Errors
-    /// If the factor is not a positive number, or so large that majorants leave the range of single precision.
-    pub fn with_majorants_scaled(&self, factor: f32) -> Result<GridMedium, Error> {
+    /// If the factor is not a positive number, or so large that majorants leave the range of single precision; if the structure takes too many cells.
+    pub fn with_majorants(
+        &self,
+        structure: MajorantStructure,
+        factor: f32,
+    ) -> Result<GridMedium, Error> {
         let bound_scale = self.scale * factor;
         let largest = f64::from(bound_scale) * f64::from(self.grid.range().1);
         if !(factor > 0.0 && largest < 1e30) {
@@ -124,7 +130,19 @@ impl GridMedium {
                 "give a positive number that keeps them in range",
             ));
         }
-        Ok(GridMedium { bound_scale, ..self.clone() })
+        let per_voxel = bound_scale * self.voxel_length();
+        let majorants = Majorants::new(&self.grid, structure, per_voxel)?;
+        Ok(GridMedium { bound_scale, majorants: Arc::new(majorants), ..self.clone() })
+    }
+
+    /// The majorant structure.
+    pub fn majorants(&self) -> &Majorants {
+        &self.majorants
+    }
+
+    /// Edge of a voxel in the world; the geometric mean where edges differ.
+    fn voxel_length(&self) -> f32 {
+        self.local_to_world.matrix3.determinant().abs().cbrt() as f32
     }
 
     /// The field.
@@ -242,24 +260,47 @@ impl GridMedium {
         Some(Span { t_enter: t0, length: (t1 - t0) as f32, p0, d })
     }
 
-    /// The ray field of a span, for a grid stored as `V`.
+    /// The ray field of a span, for a grid stored as `V`, on the hierarchy that every medium has by default.
     #[inline(always)]
     pub fn ray<'a, V: Voxel>(&'a self, voxels: &'a [V], span: &Span) -> GridRay<'a, V> {
-        GridRay::new(
-            self.grid.view(voxels),
-            [self.scale, self.bound_scale],
-            span.p0,
-            span.d,
-            span.length,
-        )
+        let partition = Adaptive::new(&self.grid, self.bound_scale / span.d.length());
+        self.ray_on(voxels, partition, span)
     }
 
-    /// The ray field of a span, whatever the voxel type.
+    /// The same on any structure.
+    #[inline]
+    pub fn any_structure_ray<'a, V: Voxel>(
+        &'a self,
+        voxels: &'a [V],
+        span: &Span,
+    ) -> GridRay<'a, V, AnyPartition<'a>> {
+        let per_voxel = self.bound_scale / span.d.length();
+        self.ray_on(voxels, self.majorants.partition(&self.grid, per_voxel), span)
+    }
+
+    #[inline(always)]
+    fn ray_on<'a, V: Voxel, P: Partition>(
+        &'a self,
+        voxels: &'a [V],
+        partition: P,
+        span: &Span,
+    ) -> GridRay<'a, V, P> {
+        let scales = [self.scale, self.bound_scale];
+        GridRay::new(self.grid.view(voxels), partition, scales, span.p0, span.d, span.length)
+    }
+
+    /// The ray field of a span, whatever the voxel type and the structure.
     #[inline(always)]
     pub fn any_ray(&self, span: &Span) -> AnyGridRay<'_> {
-        match &self.grid.voxels {
-            Voxels::Half(voxels) => AnyGridRay::Half(self.ray(voxels, span)),
-            Voxels::Single(voxels) => AnyGridRay::Single(self.ray(voxels, span)),
+        match (&self.grid.voxels, self.majorants.is_adaptive()) {
+            (Voxels::Half(voxels), true) => AnyGridRay::Half(self.ray(voxels, span)),
+            (Voxels::Single(voxels), true) => AnyGridRay::Single(self.ray(voxels, span)),
+            (Voxels::Half(voxels), false) => {
+                AnyGridRay::HalfOther(self.any_structure_ray(voxels, span))
+            }
+            (Voxels::Single(voxels), false) => {
+                AnyGridRay::SingleOther(self.any_structure_ray(voxels, span))
+            }
         }
     }
 
@@ -281,13 +322,17 @@ pub trait VoxelKernel {
     fn run<V: Voxel>(self, voxels: &[V]) -> Self::Output;
 }
 
-/// A ray through a grid of either voxel type, for code that is not compiled for each.
+/// A ray through a grid of either voxel type and any majorant structure, for code that is not compiled for each.
 #[derive(Debug, Clone)]
 pub enum AnyGridRay<'a> {
     /// Voxels stored as binary16.
     Half(GridRay<'a, Half>),
     /// Voxels stored as binary32.
     Single(GridRay<'a, f32>),
+    /// Voxels stored as binary16, on another structure than every grid's hierarchy.
+    HalfOther(GridRay<'a, Half, AnyPartition<'a>>),
+    /// Voxels stored as binary32, likewise.
+    SingleOther(GridRay<'a, f32, AnyPartition<'a>>),
 }
 
 impl RayField for AnyGridRay<'_> {
@@ -296,6 +341,8 @@ impl RayField for AnyGridRay<'_> {
         match self {
             AnyGridRay::Half(ray) => ray.next_segment(),
             AnyGridRay::Single(ray) => ray.next_segment(),
+            AnyGridRay::HalfOther(ray) => ray.next_segment(),
+            AnyGridRay::SingleOther(ray) => ray.next_segment(),
         }
     }
 
@@ -303,6 +350,8 @@ impl RayField for AnyGridRay<'_> {
         match self {
             AnyGridRay::Half(ray) => ray.minorant(),
             AnyGridRay::Single(ray) => ray.minorant(),
+            AnyGridRay::HalfOther(ray) => ray.minorant(),
+            AnyGridRay::SingleOther(ray) => ray.minorant(),
         }
     }
 
@@ -311,6 +360,8 @@ impl RayField for AnyGridRay<'_> {
         match self {
             AnyGridRay::Half(ray) => ray.sigma_t(t),
             AnyGridRay::Single(ray) => ray.sigma_t(t),
+            AnyGridRay::HalfOther(ray) => ray.sigma_t(t),
+            AnyGridRay::SingleOther(ray) => ray.sigma_t(t),
         }
     }
 
@@ -318,6 +369,8 @@ impl RayField for AnyGridRay<'_> {
         match self {
             AnyGridRay::Half(ray) => ray.sigma_t_anywhere(t),
             AnyGridRay::Single(ray) => ray.sigma_t_anywhere(t),
+            AnyGridRay::HalfOther(ray) => ray.sigma_t_anywhere(t),
+            AnyGridRay::SingleOther(ray) => ray.sigma_t_anywhere(t),
         }
     }
 
@@ -325,6 +378,8 @@ impl RayField for AnyGridRay<'_> {
         match self {
             AnyGridRay::Half(ray) => ray.steps(),
             AnyGridRay::Single(ray) => ray.steps(),
+            AnyGridRay::HalfOther(ray) => ray.steps(),
+            AnyGridRay::SingleOther(ray) => ray.steps(),
         }
     }
 }
@@ -334,6 +389,8 @@ impl ExactField for AnyGridRay<'_> {
         match self {
             AnyGridRay::Half(ray) => ray.optical_depth(tally),
             AnyGridRay::Single(ray) => ray.optical_depth(tally),
+            AnyGridRay::HalfOther(ray) => ray.optical_depth(tally),
+            AnyGridRay::SingleOther(ray) => ray.optical_depth(tally),
         }
     }
 
@@ -341,6 +398,8 @@ impl ExactField for AnyGridRay<'_> {
         match self {
             AnyGridRay::Half(ray) => ray.t_at_depth(depth, tally),
             AnyGridRay::Single(ray) => ray.t_at_depth(depth, tally),
+            AnyGridRay::HalfOther(ray) => ray.t_at_depth(depth, tally),
+            AnyGridRay::SingleOther(ray) => ray.t_at_depth(depth, tally),
         }
     }
 }
@@ -423,13 +482,17 @@ impl Medium {
         }
     }
 
-    /// As [`GridMedium::with_majorants_scaled`]; the bounds of homogeneous media are exact and stay so.
+    /// As [`GridMedium::with_majorants`]; the bounds of homogeneous media are exact and stay so.
     ///
     /// # Errors
     /// As there.
-    pub fn with_majorants_scaled(&self, factor: f32) -> Result<Medium, Error> {
+    pub fn with_majorants(
+        &self,
+        structure: MajorantStructure,
+        factor: f32,
+    ) -> Result<Medium, Error> {
         match self {
-            Medium::Grid(medium) => medium.with_majorants_scaled(factor).map(Medium::Grid),
+            Medium::Grid(medium) => medium.with_majorants(structure, factor).map(Medium::Grid),
             Medium::Homogeneous(_) => Ok(self.clone()),
         }
     }

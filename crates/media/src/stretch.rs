@@ -16,7 +16,6 @@ struct Piece {
     t0: f32,
     t1: f32,
     majorant: f32,
-    minorant: f32,
     /// Majorant depth of the stretch before this piece.
     depth: f32,
     /// Length of the pieces of the stretch before this one.
@@ -50,8 +49,7 @@ impl Stretch {
 
     fn push(&mut self, segment: MajorantSegment, minorant: f32) {
         let MajorantSegment { t0, t1, majorant } = segment;
-        let (depth, length) = (self.depth, self.length);
-        self.pieces.push(Piece { t0, t1, majorant, minorant, depth, length });
+        self.pieces.push(Piece { t0, t1, majorant, depth: self.depth, length: self.length });
         self.depth += (t1 - t0) * majorant;
         self.minorant_depth += (t1 - t0) * minorant;
         self.length += t1 - t0;
@@ -88,19 +86,6 @@ impl Stretch {
         let index = self.pieces.partition_point(|piece| piece.length <= length).max(1) - 1;
         let piece = &self.pieces[index];
         (piece.t0 + (length - piece.length)).min(piece.t1)
-    }
-
-    /// As [`at_length`](Stretch::at_length), with majorant and minorant there.
-    pub(crate) fn bounds_at_length(&self, length: f32) -> (f32, f32, f32) {
-        let index = self.pieces.partition_point(|piece| piece.length <= length).max(1) - 1;
-        let piece = &self.pieces[index];
-        ((piece.t0 + (length - piece.length)).min(piece.t1), piece.majorant, piece.minorant)
-    }
-
-    /// Majorant and minorant of the first and of the last segment.
-    pub(crate) fn bounds_at_ends(&self) -> [(f32, f32); 2] {
-        let of = |piece: Option<&Piece>| piece.map_or((0.0, 0.0), |p| (p.majorant, p.minorant));
-        [of(self.pieces.first()), of(self.pieces.last())]
     }
 
     /// First and last point.

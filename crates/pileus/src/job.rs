@@ -201,6 +201,11 @@ pub struct SamplingSpec {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("default" = "auto"))]
     pub distance: Option<DistanceSpec>,
+    /// How grids are parted into cells with majorants: `auto` (the same as `adaptive`), `adaptive`, `hierarchy`, `kd_tree`, `uniform_N` (cells of N voxels) or
+    /// `global`. The mean of the image does not depend on it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("default" = "auto", "examples" = ["adaptive", "uniform_16"]))]
+    pub majorants: Option<String>,
     /// Factor on the majorants of grids, for experiments: above 1 they are looser than need be, below 1
     /// they do not bound, which only some methods allow.
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -8,6 +8,7 @@ use std::time::Instant;
 use glam::{DVec3, Vec3};
 use pileus_film::{Crop, Filter};
 use pileus_integrator::{Distance, RenderSettings, Transmittance};
+use pileus_media::MajorantStructure;
 use pileus_media::distance::DistanceSampler;
 use pileus_media::transmittance::Estimator;
 use pileus_scene::json::Document;
@@ -371,7 +372,7 @@ fn filter(film: &FilmSpec, places: &Places) -> Result<Filter, Failure> {
 }
 
 fn sampling(job: &Job, filter: Filter, places: &Places) -> Result<RenderSettings, Failure> {
-    let SamplingSpec { spp, seed, max_bounces, transmittance, distance, majorant_scale } =
+    let SamplingSpec { spp, seed, max_bounces, transmittance, distance, majorants, majorant_scale } =
         job.sampling.clone().unwrap_or_default();
     let spp = spp.unwrap_or(DEFAULT_SPP);
     if !(1..=MAX_SPP).contains(&spp) {
@@ -381,6 +382,16 @@ fn sampling(job: &Job, filter: Filter, places: &Places) -> Result<RenderSettings
             "take at least 1 and at most 2^32",
         ));
     }
+    let majorants = match majorants.as_deref() {
+        None | Some("auto") => MajorantStructure::default(),
+        Some(name) => MajorantStructure::from_name(name).ok_or_else(|| {
+            places.invalid(
+                "/sampling/majorants",
+                format!("there is no majorant structure `{name}`"),
+                "take auto, adaptive, hierarchy, kd_tree, uniform_N with N voxels, or global",
+            )
+        })?,
+    };
     let majorant_scale = majorant_scale.unwrap_or(1.0);
     if !(majorant_scale > 0.0 && majorant_scale.is_finite()) {
         return Err(places.invalid(
@@ -425,6 +436,7 @@ fn sampling(job: &Job, filter: Filter, places: &Places) -> Result<RenderSettings
             DistanceSpec::Equiangular => Distance::Equiangular,
             DistanceSpec::RayMarching => Distance::By(DistanceSampler::RayMarching),
         },
+        majorants,
         majorant_scale,
         ..RenderSettings::default()
     })

@@ -4,7 +4,7 @@ mod overlapping;
 mod single_grey;
 
 pub(crate) use overlapping::Overlapping;
-pub(crate) use single_grey::SingleGrey;
+pub(crate) use single_grey::{AnyStructure, DefaultStructure, SingleGrey, Structures};
 
 use glam::{DVec3, Vec3};
 use pileus_media::distance::DistanceSampler;

@@ -4,17 +4,64 @@ use super::{Collision, Flown, Media, Methods, Ray, Shadow};
 use glam::{DVec3, Vec3};
 use pileus_media::distance::{DistanceSampler, Flight, delta_tracking};
 use pileus_media::transmittance::{Estimator, ratio_tracking_with_roulette};
-use pileus_media::{Grey, GridMedium, Phase, Span, Tally, TentativeCollisions, Voxel};
+use pileus_media::{
+    Adaptive, AnyPartition, Grey, GridMedium, GridRay, Partition, Phase, Span, Tally,
+    TentativeCollisions, Voxel,
+};
 use rand_core::Rng;
+use std::marker::PhantomData;
 
-/// One grey grid medium with voxels of type `V`.
-pub(crate) struct SingleGrey<'a, V> {
+/// Which majorant structures a kernel is compiled for.
+pub(crate) trait Structures: Sync {
+    /// The partition that rays walk.
+    type Cells<'a>: Partition;
+    /// The ray field of a span.
+    fn ray<'a, V: Voxel>(
+        medium: &'a GridMedium,
+        voxels: &'a [V],
+        span: &Span,
+    ) -> GridRay<'a, V, Self::Cells<'a>>;
+}
+
+/// The structure that every medium has by default.
+pub(crate) struct DefaultStructure;
+
+impl Structures for DefaultStructure {
+    type Cells<'a> = Adaptive<'a>;
+    #[inline(always)]
+    fn ray<'a, V: Voxel>(
+        medium: &'a GridMedium,
+        voxels: &'a [V],
+        span: &Span,
+    ) -> GridRay<'a, V, Adaptive<'a>> {
+        medium.ray(voxels, span)
+    }
+}
+
+/// Any structure.
+pub(crate) struct AnyStructure;
+
+impl Structures for AnyStructure {
+    type Cells<'a> = AnyPartition<'a>;
+    #[inline(always)]
+    fn ray<'a, V: Voxel>(
+        medium: &'a GridMedium,
+        voxels: &'a [V],
+        span: &Span,
+    ) -> GridRay<'a, V, AnyPartition<'a>> {
+        medium.any_structure_ray(voxels, span)
+    }
+}
+
+/// One grey grid medium with voxels of type `V` and majorant structures `S`.
+pub(crate) struct SingleGrey<'a, V, S> {
+    pub(crate) structures: PhantomData<S>,
     pub(crate) medium: &'a GridMedium,
     pub(crate) voxels: &'a [V],
     pub(crate) methods: Methods,
 }
 
-impl<V: Voxel> SingleGrey<'_, V> {
+impl<V: Voxel, S: Structures> SingleGrey<'_, V, S> {
     /// Every estimator but ratio tracking: kept out of the kernel that most scenes run.
     #[inline(never)]
     fn other_transmittance<R: Rng>(
@@ -24,7 +71,7 @@ impl<V: Voxel> SingleGrey<'_, V> {
         rng: &mut R,
         tally: &mut Tally,
     ) -> Shadow {
-        let field = self.medium.ray(self.voxels, span);
+        let field = S::ray(self.medium, self.voxels, span);
         let estimator = self.methods.transmittance;
         let transmittance = Vec3::splat(estimator.estimate(field, Grey, threshold, rng, tally));
         let known = self.methods.weigh_the_way();
@@ -41,7 +88,7 @@ impl<V: Voxel> SingleGrey<'_, V> {
         rng: &mut R,
         tally: &mut Tally,
     ) -> Flight {
-        let field = self.medium.ray(self.voxels, span);
+        let field = S::ray(self.medium, self.voxels, span);
         let result = self.methods.distance.fly(field, Grey, 1.0, first, rng, tally);
         flown.beta *= result.weight;
         if self.methods.weigh_the_way() {
@@ -51,7 +98,7 @@ impl<V: Voxel> SingleGrey<'_, V> {
     }
 }
 
-impl<V: Voxel> Media for SingleGrey<'_, V> {
+impl<V: Voxel, S: Structures> Media for SingleGrey<'_, V, S> {
     #[inline(always)]
     fn flight<R: Rng>(
         &self,
@@ -63,7 +110,7 @@ impl<V: Voxel> Media for SingleGrey<'_, V> {
     ) -> Option<Collision> {
         let span = self.medium.span(ray.origin, ray.direction, f64::INFINITY)?;
         let flight = if self.methods.distance == DistanceSampler::Delta {
-            let field = self.medium.ray(self.voxels, &span);
+            let field = S::ray(self.medium, self.voxels, &span);
             let walk = match first {
                 Some(depth) => TentativeCollisions::with_first(field, depth),
                 None => TentativeCollisions::new(field),
@@ -99,7 +146,7 @@ impl<V: Voxel> Media for SingleGrey<'_, V> {
         if self.methods.transmittance != Estimator::Ratio {
             return self.other_transmittance(&span, threshold, rng, tally);
         }
-        let walk = TentativeCollisions::new(self.medium.ray(self.voxels, &span));
+        let walk = TentativeCollisions::new(S::ray(self.medium, self.voxels, &span));
         let estimate = ratio_tracking_with_roulette(walk, Grey, threshold, rng, tally);
         let known = self.methods.distance.decides_at_collisions();
         Shadow {

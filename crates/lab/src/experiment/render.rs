@@ -8,6 +8,7 @@ use pileus_film::{Curve, Film, Image, ToneMap, png_bytes, preview_rgb8};
 use pileus_integrator::{
     Counters, Distance, Plan, RenderSettings, Transmittance, Unmonitored, render,
 };
+use pileus_media::MajorantStructure;
 use pileus_media::distance::DistanceSampler;
 use pileus_media::transmittance::Estimator;
 use pileus_scene::Scene;
@@ -20,6 +21,8 @@ pub struct RenderMethod {
     pub distance: Distance,
     /// Transmittance.
     pub transmittance: Transmittance,
+    /// Majorant structure.
+    pub majorants: MajorantStructure,
     /// Factor on the majorants.
     pub majorant_scale: f32,
 }
@@ -29,6 +32,7 @@ impl RenderMethod {
     pub const AUTO: RenderMethod = RenderMethod {
         distance: Distance::Auto,
         transmittance: Transmittance::Auto,
+        majorants: MajorantStructure::Adaptive,
         majorant_scale: 1.0,
     };
 
@@ -50,20 +54,33 @@ impl RenderMethod {
             transmittance: Transmittance::By(Estimator::Regular),
             ..auto
         });
+        for majorants in [
+            MajorantStructure::Hierarchy,
+            MajorantStructure::KdTree,
+            MajorantStructure::Uniform(16),
+            MajorantStructure::Global,
+        ] {
+            methods.push(RenderMethod { majorants, ..ratio });
+        }
         for majorant_scale in [4.0, 16.0] {
             methods.push(RenderMethod { majorant_scale, ..ratio });
         }
         methods
     }
 
-    /// `distance+transmittance`, with `*factor` where majorants are scaled.
+    /// `distance+transmittance`, with `@structure` where it is not the default and `*factor` where majorants are scaled.
     pub fn name(&self) -> String {
+        let structure = if self.majorants == MajorantStructure::default() {
+            String::new()
+        } else {
+            format!("@{}", self.majorants.name())
+        };
         let scale = if self.majorant_scale == 1.0 {
             String::new()
         } else {
             format!("*{}", self.majorant_scale)
         };
-        format!("{}+{}{scale}", self.distance.name(), self.transmittance.name())
+        format!("{}+{}{structure}{scale}", self.distance.name(), self.transmittance.name())
     }
 
     /// The method of a name.
@@ -73,11 +90,17 @@ impl RenderMethod {
     pub fn from_name(name: &str) -> Result<RenderMethod, Error> {
         let wrong = || Error::Argument {
             what: format!("`{name}` is not a method"),
-            remedy: "write distance+transmittance, for example delta+ratio, auto+regular or delta+ratio*4",
+            remedy: "write distance+transmittance, for example delta+ratio, auto+regular, delta+ratio@uniform_16 or delta+ratio*4",
         };
         let (methods, scale) = match name.split_once('*') {
             Some((methods, scale)) => (methods, scale.parse().map_err(|_| wrong())?),
             None => (name, 1.0),
+        };
+        let (methods, majorants) = match methods.split_once('@') {
+            Some((methods, name)) => {
+                (methods, MajorantStructure::from_name(name).ok_or_else(wrong)?)
+            }
+            None => (methods, MajorantStructure::default()),
         };
         let (distance, transmittance) = methods.split_once('+').ok_or_else(wrong)?;
         let distance = match distance {
@@ -89,7 +112,7 @@ impl RenderMethod {
             "auto" => Transmittance::Auto,
             name => Transmittance::By(Estimator::from_name(name).ok_or_else(wrong)?),
         };
-        Ok(RenderMethod { distance, transmittance, majorant_scale: scale })
+        Ok(RenderMethod { distance, transmittance, majorants, majorant_scale: scale })
     }
 
     fn settings(&self, base: &RenderSettings, samples: std::ops::Range<u64>) -> RenderSettings {
@@ -97,6 +120,7 @@ impl RenderMethod {
             samples,
             distance: self.distance,
             transmittance: self.transmittance,
+            majorants: self.majorants,
             majorant_scale: self.majorant_scale,
             ..base.clone()
         }

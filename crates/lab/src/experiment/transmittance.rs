@@ -5,8 +5,8 @@ use super::rays::{LabRay, RayClass};
 use crate::chart::{Axis, Cell, Chart, Plot, Provenance, Series, Table};
 use crate::profile::ProfileCase;
 use pileus_media::transmittance::{
-    CombControl, Control, DEBIASED_TEETH, Estimator, debiased_ray_marching,
-    residual_ratio_tracking, unbiased_ray_marching,
+    Control, DEBIASED_TEETH, Estimator, debiased_ray_marching, residual_ratio_tracking,
+    unbiased_ray_marching,
 };
 use pileus_media::{ExactField, Grey, GridMedium, Tally, Voxel, VoxelKernel};
 use rand_pcg::Pcg32;
@@ -19,8 +19,8 @@ pub enum TransmittanceMethod {
     Named(Estimator),
     /// Residual ratio tracking about the middle of minorant and majorant.
     ResidualRatioMiddle,
-    /// Unbiased ray marching with symmetric means about a control, on stretches of at most this majorant depth, cut at majorant cells.
-    UnbiasedRayMarching(CombControl, f32),
+    /// Unbiased ray marching with symmetric means on stretches of at most this majorant depth, cut at majorant cells.
+    UnbiasedRayMarchingCut(f32),
     /// Debiased ray marching on such stretches.
     DebiasedRayMarchingCut(f32),
 }
@@ -30,14 +30,8 @@ impl TransmittanceMethod {
     pub fn all() -> Vec<TransmittanceMethod> {
         let mut methods: Vec<_> = Estimator::ALL.map(TransmittanceMethod::Named).to_vec();
         methods.push(TransmittanceMethod::ResidualRatioMiddle);
-        for depth in [1.0, 8.0, f32::INFINITY] {
-            for control in [CombControl::None, CombControl::Minorant, CombControl::Middle] {
-                // The first of the last three is the published method, named above.
-                if control != CombControl::None || depth < f32::INFINITY {
-                    methods.push(TransmittanceMethod::UnbiasedRayMarching(control, depth));
-                }
-            }
-        }
+        methods.push(TransmittanceMethod::UnbiasedRayMarchingCut(1.0));
+        methods.push(TransmittanceMethod::UnbiasedRayMarchingCut(8.0));
         methods.push(TransmittanceMethod::DebiasedRayMarchingCut(8.0));
         methods
     }
@@ -47,15 +41,8 @@ impl TransmittanceMethod {
         match self {
             TransmittanceMethod::Named(estimator) => estimator.name().to_owned(),
             TransmittanceMethod::ResidualRatioMiddle => "residual_ratio, middle".to_owned(),
-            TransmittanceMethod::UnbiasedRayMarching(control, depth) => {
-                let control = match control {
-                    CombControl::None => "",
-                    CombControl::Minorant => ", minorant",
-                    CombControl::Middle => ", middle",
-                };
-                let cut =
-                    if depth < f32::INFINITY { format!(", cut {depth}") } else { String::new() };
-                format!("unbiased_ray_marching{control}{cut}")
+            TransmittanceMethod::UnbiasedRayMarchingCut(depth) => {
+                format!("unbiased_ray_marching, cut {depth}")
             }
             TransmittanceMethod::DebiasedRayMarchingCut(depth) => {
                 format!("debiased_ray_marching, cut {depth}")
@@ -77,8 +64,8 @@ impl TransmittanceMethod {
             TransmittanceMethod::ResidualRatioMiddle => {
                 residual_ratio_tracking(field, Grey, Control::Middle, 0.0, rng, tally)
             }
-            TransmittanceMethod::UnbiasedRayMarching(control, depth) => {
-                unbiased_ray_marching(field, Grey, control, depth, 0.0, rng, tally)
+            TransmittanceMethod::UnbiasedRayMarchingCut(depth) => {
+                unbiased_ray_marching(field, Grey, depth, 0.0, rng, tally)
             }
             TransmittanceMethod::DebiasedRayMarchingCut(depth) => {
                 debiased_ray_marching(field, Grey, DEBIASED_TEETH, depth, 0.0, rng, tally)

@@ -1,48 +1,69 @@
 //! Bounds of what interpolation can return, for every cell of 4, 8, 16, ... voxels.
 
 use super::topology::{NODE_ENTRIES, NODE_LEVEL_OFFSETS, NODE_LOG2, RootLevel};
-use super::{BRICK_EDGE, BRICK_VALUES, Entry, Interpolation, Topology, Voxel};
-use rayon::prelude::*;
+use super::{BRICK_EDGE, Entry, Interpolation, Topology, Voxel};
 
 /// Widens a range by what rounding in the interpolation can add: a few units in the last place. Constant ranges stay as they are,
 /// since interpolation between equal values is exact.
-fn widen(min: f32, max: f32) -> (f32, f32) {
+pub(super) fn widen(min: f32, max: f32) -> (f32, f32) {
     const MARGIN: f32 = 1.0 / 2_097_152.0;
     if min == max { (min, max) } else { (min * (1.0 - MARGIN), max * (1.0 + MARGIN)) }
 }
 
-/// Smallest and largest value in each 4^3 cell of each brick, over the interpolation's stencil.
+/// Smallest and largest value in each 4^3 cell of a brick, over the interpolation's stencil.
+///
+/// Axis by axis: planes are joined to two of all their elements at once, then rows, then what is left; in the order of [`Voxel::Key`], which vector units
+/// compare without unpacking.
 pub(super) fn sub_cell_ranges<V: Voxel>(
-    voxels: &[V],
+    brick: &[V],
     interpolation: Interpolation,
-) -> (Vec<[f32; 8]>, Vec<[f32; 8]>) {
+) -> ([f32; 8], [f32; 8]) {
     let reach = match interpolation {
         Interpolation::Nearest => 4,
         Interpolation::Trilinear => 5,
     };
-    voxels
-        .par_chunks_exact(BRICK_VALUES)
-        .map(|brick| {
-            let mut low = [0.0f32; 8];
-            let mut high = [0.0f32; 8];
-            for cell in 0..8 {
-                let [x0, y0, z0] = [cell >> 2 & 1, cell >> 1 & 1, cell & 1].map(|bit| bit * 4);
-                let (mut min, mut max) = (f32::INFINITY, f32::NEG_INFINITY);
-                for x in x0..x0 + reach {
-                    for y in y0..y0 + reach {
-                        let row = (x * BRICK_EDGE + y) * BRICK_EDGE + z0;
-                        for v in &brick[row..row + reach] {
-                            let v = v.to_f32();
-                            min = min.min(v);
-                            max = max.max(v);
-                        }
-                    }
-                }
-                (low[cell], high[cell]) = widen(min, max);
+    const PLANE: usize = BRICK_EDGE * BRICK_EDGE;
+    let mut low = [0.0f32; 8];
+    let mut high = [0.0f32; 8];
+    for x in 0..2 {
+        let (mut plane_min, mut plane_max) =
+            ([V::Key::default(); PLANE], [V::Key::default(); PLANE]);
+        let first = &brick[4 * x * PLANE..][..PLANE];
+        for ((min, max), v) in plane_min.iter_mut().zip(&mut plane_max).zip(first) {
+            (*min, *max) = (v.key(), v.key());
+        }
+        for k in 4 * x + 1..4 * x + reach {
+            let plane = &brick[k * PLANE..][..PLANE];
+            for ((min, max), v) in plane_min.iter_mut().zip(&mut plane_max).zip(plane) {
+                let key = v.key();
+                *min = if key < *min { key } else { *min };
+                *max = if key > *max { key } else { *max };
             }
-            (low, high)
-        })
-        .unzip()
+        }
+        for y in 0..2 {
+            let row = |plane: &[V::Key; PLANE], k: usize| -> [V::Key; BRICK_EDGE] {
+                std::array::from_fn(|z| plane[k * BRICK_EDGE + z])
+            };
+            let (mut row_min, mut row_max) = (row(&plane_min, 4 * y), row(&plane_max, 4 * y));
+            for k in 4 * y + 1..4 * y + reach {
+                let (mins, maxs) = (row(&plane_min, k), row(&plane_max, k));
+                for z in 0..BRICK_EDGE {
+                    row_min[z] = if mins[z] < row_min[z] { mins[z] } else { row_min[z] };
+                    row_max[z] = if maxs[z] > row_max[z] { maxs[z] } else { row_max[z] };
+                }
+            }
+            for z in 0..2 {
+                let (mut min, mut max) = (row_min[4 * z], row_max[4 * z]);
+                for k in 4 * z + 1..4 * z + reach {
+                    min = if row_min[k] < min { row_min[k] } else { min };
+                    max = if row_max[k] > max { row_max[k] } else { max };
+                }
+                let cell = x << 2 | y << 1 | z;
+                (low[cell], high[cell]) = widen(V::of_key(min), V::of_key(max));
+            }
+        }
+    }
+    (low, high)
 }
 
 /// Range of the union of ranges.
@@ -133,7 +154,7 @@ fn reduce(entries: &mut [Entry], entry_min: &mut [f32], fine: RootLevel, coarse:
                     }
                 }
                 let i = coarse.index([x, y, z]);
-                entries[i] = Entry { child: 0, max };
+                entries[i] = Entry { max, ..Entry::to(0) };
                 entry_min[i] = min;
             }
         }

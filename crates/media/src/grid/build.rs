@@ -2,6 +2,7 @@
 
 use super::bounds::{fill_entry_ranges, sub_cell_ranges};
 use super::source::{Source, Sources};
+use super::splits::fill_splits;
 use super::topology::{NODE_ENTRIES, NODE_LEVEL_OFFSETS, NODE_LOG2};
 use super::{
     BRICK_EDGE, BRICK_LOG2, BRICK_VALUES, Entry, Half, Interpolation, Topology, Voxel, VoxelGrid,
@@ -25,6 +26,8 @@ pub struct VoxelGridOptions {
 pub struct BuildReport {
     /// Wall time, seconds.
     pub seconds: f64,
+    /// Of these for the bounds above bricks, seconds; bricks are bounded as they are filled.
+    pub seconds_bounds: f64,
     /// Bricks of 8^3 cells.
     pub bricks: u64,
     /// Stored voxels, 9^3 per brick.
@@ -109,31 +112,36 @@ impl VoxelGrid {
             return Err(too_large());
         }
 
-        let voxels = if half {
-            Voxels::Half(fill(tree, &sources, &bricks, |v| Half::exact(v).unwrap_or(Half::ZERO)))
+        let interpolation = options.interpolation;
+        let (voxels, sub_min, sub_max) = if half {
+            let store = |v| Half::exact(v).unwrap_or(Half::ZERO);
+            let filled = fill(tree, &sources, &bricks, interpolation, store);
+            (Voxels::Half(filled.voxels), filled.sub_min, filled.sub_max)
         } else {
-            Voxels::Single(fill(tree, &sources, &bricks, |v| v))
+            let filled = fill(tree, &sources, &bricks, interpolation, |v| v);
+            (Voxels::Single(filled.voxels), filled.sub_min, filled.sub_max)
         };
-        let (sub_min, sub_max) = match &voxels {
-            Voxels::Half(v) => sub_cell_ranges(v, options.interpolation),
-            Voxels::Single(v) => sub_cell_ranges(v, options.interpolation),
-        };
+        let bounding = Instant::now();
         let mut entries = root;
-        entries.resize(topology.root_entries, Entry { child: 0, max: 0.0 });
+        entries.resize(topology.root_entries, Entry::to(0));
         entries.extend_from_slice(&table_entries);
         let mut entry_min = vec![0.0f32; entries.len()];
         fill_entry_ranges(&topology, &mut entries, &mut entry_min, &tables, &sub_min, &sub_max);
+        let largest = sub_max.iter().flatten().copied().fold(background, f32::max);
+        fill_splits(&topology, &mut entries, &tables, &sub_max, largest);
+        let seconds_bounds = bounding.elapsed().as_secs_f64();
 
         let support = [low.map(|c| c - reach), high.map(|c| c + 1)]
             .map(|corner| [0, 1, 2].map(|axis| (corner[axis] - i64::from(origin[axis])) as i32));
         let voxel_bytes = if half { 2 } else { 4 };
         let report = BuildReport {
             seconds: start.elapsed().as_secs_f64(),
+            seconds_bounds,
             bricks: bricks.len() as u64,
             voxels: (bricks.len() * BRICK_VALUES) as u64,
             stored_as_half: half,
             bytes_voxels: (bricks.len() * BRICK_VALUES * voxel_bytes) as u64,
-            bytes_bounds: (bricks.len() * 64 + entries.len() * 8) as u64,
+            bytes_bounds: (bricks.len() * 64 + entries.len() * 12) as u64,
             bytes_index: (entries.len() * 4) as u64,
             replaced_non_finite,
             replaced_negative,
@@ -158,7 +166,7 @@ impl VoxelGrid {
             voxels: Voxels::Single(vec![background; BRICK_VALUES]),
             sub_max: vec![[background; 8]],
             sub_min: vec![[background; 8]],
-            entries: vec![Entry { child: 0, max: background }],
+            entries: vec![Entry { max: background, ..Entry::to(0) }],
             entry_min: vec![background],
             topology: Topology::single_brick(),
             origin: [0; 3],
@@ -263,7 +271,7 @@ impl Builder<'_> {
             for y in 0..dims[1] {
                 for z in 0..dims[2] {
                     let cell = [base[0] + x, base[1] + y, base[2] + z];
-                    entries.push(Entry { child: self.table(topology.root_log2, cell), max: 0.0 });
+                    entries.push(Entry::to(self.table(topology.root_log2, cell)));
                 }
             }
         }
@@ -295,7 +303,7 @@ impl Builder<'_> {
                 for y in 0..1 << NODE_LOG2 {
                     for z in 0..1 << NODE_LOG2 {
                         let at = [base[0] + x, base[1] + y, base[2] + z];
-                        children.push(Entry { child: self.table(child_log2, at), max: 0.0 });
+                        children.push(Entry::to(self.table(child_log2, at)));
                     }
                 }
             }
@@ -304,7 +312,7 @@ impl Builder<'_> {
         let table = self.tables.len() as u32;
         self.tables.push((table, child_log2));
         self.table_entries.extend_from_slice(&children);
-        self.table_entries.resize(self.tables.len() * NODE_ENTRIES, Entry { child: 0, max: 0.0 });
+        self.table_entries.resize(self.tables.len() * NODE_ENTRIES, Entry::to(0));
         if constant {
             self.shared_tables.insert((log2, around), table);
         }
@@ -361,25 +369,37 @@ impl Builder<'_> {
                         brick
                     }
                 };
-                Entry { child, max: 0.0 }
+                Entry::to(child)
             })
             .collect()
     }
 }
 
-/// Fills all bricks.
+/// Bricks with the bounds of their cells of 4 voxels.
+struct Filled<V> {
+    voxels: Vec<V>,
+    sub_min: Vec<[f32; 8]>,
+    sub_max: Vec<[f32; 8]>,
+}
+
+/// Fills all bricks and bounds each while it is in the cache.
 fn fill<V: Voxel>(
     tree: &Tree<f32>,
     sources: &Sources,
     bricks: &[Around],
+    interpolation: Interpolation,
     store: impl Fn(f32) -> V + Sync,
-) -> Vec<V> {
+) -> Filled<V> {
     let mut voxels = vec![store(0.0); bricks.len() * BRICK_VALUES];
-    voxels
+    let (sub_min, sub_max) = voxels
         .par_chunks_exact_mut(BRICK_VALUES)
         .zip(bricks)
-        .for_each(|(brick, around)| gather(tree, sources, around, brick, &store));
-    voxels
+        .map(|(brick, around)| {
+            gather(tree, sources, around, brick, &store);
+            sub_cell_ranges(brick, interpolation)
+        })
+        .unzip();
+    Filled { voxels, sub_min, sub_max }
 }
 
 /// Writes the 9^3 values of one brick.

@@ -3,6 +3,7 @@
 mod bounds;
 mod build;
 mod source;
+mod splits;
 mod topology;
 mod view;
 mod voxel;
@@ -161,13 +162,87 @@ impl VoxelGrid {
         }
     }
 
+    /// Smallest and largest value that interpolation can return in the cells `low..high`, which must lie within the extent: exact but for a margin of
+    /// rounding. The time goes with the surface of the box.
+    pub(crate) fn box_range(&self, low: [i32; 3], high: [i32; 3]) -> (f32, f32) {
+        let mut range = (f32::INFINITY, f32::NEG_INFINITY);
+        let top = self.topology.top_log2();
+        if let Some(level) = self.topology.levels.last() {
+            for x in 0..level.dims[0] {
+                for y in 0..level.dims[1] {
+                    for z in 0..level.dims[2] {
+                        self.box_range_in(top, [x, y, z], low, high, &mut range);
+                    }
+                }
+            }
+        }
+        range
+    }
+
+    /// Extends `range` by the part of the box in cell `at` of `2^log2` voxels.
+    fn box_range_in(
+        &self,
+        log2: u32,
+        at: [i32; 3],
+        low: [i32; 3],
+        high: [i32; 3],
+        range: &mut (f32, f32),
+    ) {
+        let first = at.map(|c| i64::from(c) << log2);
+        let past = first.map(|c| c + (1i64 << log2));
+        let extent = self.topology.extent;
+        let within = |axis: usize| {
+            first[axis] < i64::from(high[axis])
+                && past[axis] > i64::from(low[axis])
+                && first[axis] < i64::from(extent[axis])
+        };
+        if !(0..3).all(within) {
+            return;
+        }
+        let ijk = first.map(|c| c as i32);
+        let whole = (0..3).all(|axis| {
+            first[axis] >= i64::from(low[axis])
+                && past[axis].min(i64::from(extent[axis])) <= i64::from(high[axis])
+        });
+        let (min, max) = self.cell_range(ijk, log2);
+        // Nothing in the cell can widen the range: no need to look closer.
+        if min >= range.0 && max <= range.1 {
+            return;
+        }
+        if whole || min == max {
+            *range = (range.0.min(min), range.1.max(max));
+        } else if log2 > 2 {
+            for corner in 0..8 {
+                let step = [corner >> 2 & 1, corner >> 1 & 1, corner & 1];
+                let child = [0, 1, 2].map(|axis| 2 * at[axis] + step[axis]);
+                self.box_range_in(log2 - 1, child, low, high, range);
+            }
+        } else {
+            let reach = i32::from(self.interpolation == Interpolation::Trilinear);
+            let a = [0, 1, 2].map(|axis| low[axis].max(ijk[axis]));
+            let b = [0, 1, 2].map(|axis| high[axis].min(ijk[axis] + 4) + reach);
+            let (mut least, mut most) = (f32::INFINITY, f32::NEG_INFINITY);
+            for x in a[0]..b[0] {
+                for y in a[1]..b[1] {
+                    for z in a[2]..b[2] {
+                        let value = match &self.voxels {
+                            Voxels::Half(v) => self.view(v).corner(ijk, [x, y, z]),
+                            Voxels::Single(v) => self.view(v).corner(ijk, [x, y, z]),
+                        };
+                        (least, most) = (least.min(value), most.max(value));
+                    }
+                }
+            }
+            let (least, most) = bounds::widen(least, most);
+            *range = (range.0.min(least), range.1.max(most));
+        }
+    }
+
     pub(crate) fn view<'a, V: Voxel>(&'a self, voxels: &'a [V]) -> GridView<'a, V> {
         GridView {
             voxels,
             sub_max: &self.sub_max,
-            sub_min: &self.sub_min,
             entries: &self.entries,
-            entry_min: &self.entry_min,
             topology: &self.topology,
             interpolation: self.interpolation,
         }

@@ -15,6 +15,15 @@ pub(crate) struct Entry {
     pub(crate) child: u32,
     /// Largest value that interpolation can return in the cell.
     pub(crate) max: f32,
+    /// Majorant per voxel over raw bound above which the cell is better entered by its parts.
+    pub(crate) split_above: f32,
+}
+
+impl Entry {
+    /// An entry whose bounds are yet to be filled in.
+    pub(crate) fn to(child: u32) -> Entry {
+        Entry { child, max: 0.0, split_above: f32::INFINITY }
+    }
 }
 
 /// Most cells of a root table at its base level: 16 MiB of entries.

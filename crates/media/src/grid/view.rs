@@ -15,9 +15,7 @@ const DY: usize = BRICK_EDGE;
 pub struct GridView<'a, V> {
     pub(crate) voxels: &'a [V],
     pub(crate) sub_max: &'a [[f32; 8]],
-    pub(crate) sub_min: &'a [[f32; 8]],
     pub(crate) entries: &'a [Entry],
-    pub(crate) entry_min: &'a [f32],
     pub(crate) topology: &'a Topology,
     pub(crate) interpolation: Interpolation,
 }
@@ -61,6 +59,13 @@ impl<V: Voxel> GridView<'_, V> {
     #[inline(always)]
     pub(crate) fn voxel(&self, ijk: [i32; 3]) -> f32 {
         self.voxels[self.brick(ijk) as usize * BRICK_VALUES + offset(ijk)].to_f32()
+    }
+
+    /// The value at lattice point `at`, by the brick of `ijk`, on whose far faces it may lie.
+    pub(crate) fn corner(&self, ijk: [i32; 3], at: [i32; 3]) -> f32 {
+        let base = self.brick(ijk) as usize * BRICK_VALUES;
+        let [x, y, z] = [0, 1, 2].map(|axis| (at[axis] - (ijk[axis] & !7)) as usize);
+        self.voxels[base + x * DX + y * DY + z].to_f32()
     }
 
     /// The interpolated value at local point `p` in brick `brick` of voxel `ijk = floor(p)`.

@@ -2,11 +2,26 @@
 
 /// A stored voxel; widening to `f32` is exact.
 pub trait Voxel: Copy + Send + Sync + 'static {
+    /// What orders voxels as their values do, and is compared by vector units without unpacking.
+    type Key: Copy + Default + PartialOrd;
     /// The value.
     fn to_f32(self) -> f32;
+    /// The key of a value that is finite and not negative.
+    fn key(self) -> Self::Key;
+    /// The value of a key.
+    fn of_key(key: Self::Key) -> f32;
 }
 
 impl Voxel for f32 {
+    type Key = f32;
+    #[inline(always)]
+    fn key(self) -> f32 {
+        self
+    }
+    #[inline(always)]
+    fn of_key(key: f32) -> f32 {
+        key
+    }
     #[inline(always)]
     fn to_f32(self) -> f32 {
         self
@@ -45,6 +60,16 @@ impl Half {
 }
 
 impl Voxel for Half {
+    /// Bits of numbers that are not negative order as the numbers do, also as signed integers.
+    type Key = i16;
+    #[inline(always)]
+    fn key(self) -> i16 {
+        self.0 as i16
+    }
+    #[inline(always)]
+    fn of_key(key: i16) -> f32 {
+        Half(key as u16).to_f32()
+    }
     #[inline(always)]
     fn to_f32(self) -> f32 {
         f32::from_bits(u32::from(self.0) << 13) * BIAS

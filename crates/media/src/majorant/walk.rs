@@ -1,37 +1,29 @@
-//! The hierarchical walk: visits the cells of a grid's bounds along a ray, each at the size that suits it.
+//! The walk: visits the cells of a partition along a ray.
 
+use super::adaptive::Adaptive;
+use super::partition::{Cell, NO_BRICK, Partition};
 use crate::field::{ExactField, MajorantSegment, RayField};
-use crate::grid::{BRICK_LOG2, Entry, GridView, Voxel, entry_index, sub_cell};
+use crate::grid::{GridView, Voxel};
 use crate::tally::Tally;
 use crate::transmittance::{ray_depth, ray_t_at_depth};
 use glam::{DVec3, Vec3, Vec3A};
-
-/// Finest cell of the bounds: 4 voxels.
-const FINEST_LOG2: u32 = 2;
-
-/// A cell is entered whole if at most this many tentative collisions are expected along its edge; else its parts are.
-///
-/// Time per path is flat within the noise of 10 % between 0.5 and 4 on the three peer clouds.
-const COLLISIONS_PER_CELL: f32 = 1.0;
 
 /// Axes whose direction is smaller than this do not bound a cell: the ray would need over 1e18 voxels.
 const PARALLEL: f32 = 1e-18;
 
 /// A ray through a grid: hands out its majorant segments and looks up its extinction.
 ///
-/// The size of the cell around a point is the largest of 4, 8, 16, ... voxels in which at most one tentative
-/// collision is expected, or 4. It depends on the point, the grid and the scale only, not on how the walk came there. Cell
+/// The cell around a point depends on the point, the grid and the scale only, not on how the walk came there. Cell
 /// coordinates advance as integers: every step moves on by at least one cell along the axis it leaves through, so that the walk
 /// ends for every ray, also along faces and through corners.
 #[derive(Debug, Clone)]
-pub struct GridRay<'a, V> {
+pub struct GridRay<'a, V, P = Adaptive<'a>> {
     view: GridView<'a, V>,
+    partition: P,
     /// Raw value to extinction.
     scale: f32,
     /// Raw bound to majorant: `scale`, unless an experiment wants looser or broken bounds.
     bound_scale: f32,
-    /// Largest product of raw bound and cell size (voxels) that is entered whole.
-    limit: f32,
     /// Local point at parameter zero, voxels.
     p0: Vec3A,
     /// Local direction, voxels per length.
@@ -45,29 +37,21 @@ pub struct GridRay<'a, V> {
     t_end: f32,
     /// A voxel of the next cell.
     ijk: [i32; 3],
-    /// Size of the cell visited last.
-    log2: u32,
-    /// Corners of the cell visited last.
+    /// The cell visited last.
+    cell: Cell,
+    /// Its corners.
     low: Vec3A,
     high: Vec3A,
-    low_ijk: [i32; 3],
-    /// Brick of the cell visited last, if it is no larger than one.
-    brick: u32,
     steps: u64,
 }
 
-/// A cell's bound and, up to brick size, its brick.
-struct Cell {
-    max: f32,
-    brick: u32,
-}
-
-impl<'a, V: Voxel> GridRay<'a, V> {
+impl<'a, V: Voxel, P: Partition> GridRay<'a, V, P> {
     /// A ray from local point `p0` (voxels, inside the extent) along `d` (voxels per length) up to parameter `t_end` (a length).
     /// `scale`: raw value to extinction and raw bound to majorant.
     #[inline]
     pub(crate) fn new(
         view: GridView<'a, V>,
+        partition: P,
         [scale, bound_scale]: [f32; 2],
         p0: Vec3,
         d: Vec3,
@@ -89,9 +73,9 @@ impl<'a, V: Voxel> GridRay<'a, V> {
         }
         GridRay {
             view,
+            partition,
             scale,
             bound_scale,
-            limit: COLLISIONS_PER_CELL * d.length() / bound_scale,
             p0: p0.into(),
             d: d.into(),
             inv_d,
@@ -100,69 +84,22 @@ impl<'a, V: Voxel> GridRay<'a, V> {
             t: 0.0,
             t_end,
             ijk,
-            log2: FINEST_LOG2,
+            cell: Cell::NONE,
             low: Vec3A::ZERO,
             high: Vec3A::ZERO,
-            low_ijk: [0; 3],
-            brick: 0,
             steps: 0,
         }
-    }
-
-    #[inline(always)]
-    fn entry(&self, log2: u32) -> Entry {
-        self.view.entries[entry_index(self.view.topology, self.view.entries, self.ijk, log2)]
-    }
-
-    #[inline(always)]
-    fn cell(&self, log2: u32) -> Cell {
-        if log2 >= BRICK_LOG2 {
-            let entry = self.entry(log2);
-            return Cell { max: entry.max, brick: entry.child };
-        }
-        let brick = self.entry(BRICK_LOG2).child;
-        Cell { max: self.view.sub_max[brick as usize][sub_cell(self.ijk)], brick }
-    }
-
-    /// Whether a cell of `2^log2` voxels with bound `max` is entered whole.
-    #[inline(always)]
-    fn fits(&self, max: f32, log2: u32) -> bool {
-        max * f32::from_bits((127 + log2) << 23) <= self.limit
     }
 
     /// Visits the cell around `self.ijk` and moves on to the next one; returns its bound and where the ray leaves it.
     #[inline(always)]
     fn visit(&mut self) -> (f32, f32) {
         self.steps += 1;
-        let mut log2 = self.log2;
-        let mut cell = self.cell(log2);
-        if self.fits(cell.max, log2) {
-            let top = self.view.topology.top_log2();
-            while log2 < top {
-                let above = self.cell(log2 + 1);
-                if !self.fits(above.max, log2 + 1) {
-                    break;
-                }
-                log2 += 1;
-                cell = above;
-            }
-        } else {
-            while log2 > FINEST_LOG2 {
-                log2 -= 1;
-                cell = self.cell(log2);
-                if self.fits(cell.max, log2) {
-                    break;
-                }
-            }
-        }
-        self.log2 = log2;
-        self.brick = cell.brick;
-
-        let size = 1i32 << log2;
-        let low = self.ijk.map(|c| c & -size);
-        self.low_ijk = low;
+        let cell = self.partition.cell(self.ijk, self.cell.key);
+        self.cell = cell;
+        let Cell { low, high, .. } = cell;
         self.low = Vec3A::new(low[0] as f32, low[1] as f32, low[2] as f32);
-        self.high = self.low + Vec3A::splat(size as f32);
+        self.high = Vec3A::new(high[0] as f32, high[1] as f32, high[2] as f32);
         let face = Vec3A::new(
             if self.ascending[0] { self.high.x } else { self.low.x },
             if self.ascending[1] { self.high.y } else { self.low.y },
@@ -183,10 +120,10 @@ impl<'a, V: Voxel> GridRay<'a, V> {
         let p = (self.p0 + self.d * t_exit).to_array();
         for k in 0..3 {
             self.ijk[k] = if k == axis {
-                if self.ascending[k] { low[k] + size } else { low[k] - 1 }
+                if self.ascending[k] { high[k] } else { low[k] - 1 }
             } else {
                 // Rounding may put the point outside the cell or behind: stay inside, never go back.
-                let c = (p[k] as i32).clamp(low[k], low[k] + size - 1);
+                let c = (p[k] as i32).clamp(low[k], high[k] - 1);
                 if self.ascending[k] { c.max(self.ijk[k]) } else { c.min(self.ijk[k]) }
             };
         }
@@ -194,7 +131,7 @@ impl<'a, V: Voxel> GridRay<'a, V> {
     }
 }
 
-impl<V: Voxel> RayField for GridRay<'_, V> {
+impl<V: Voxel, P: Partition> RayField for GridRay<'_, V, P> {
     #[inline(always)]
     fn next_segment(&mut self) -> Option<MajorantSegment> {
         let extent = self.view.topology.extent;
@@ -214,28 +151,22 @@ impl<V: Voxel> RayField for GridRay<'_, V> {
     }
 
     fn minorant(&self) -> f32 {
-        let view = &self.view;
-        let min = if self.log2 < BRICK_LOG2 {
-            view.sub_min[self.brick as usize][sub_cell(self.low_ijk)]
-        } else {
-            view.entry_min[entry_index(view.topology, view.entries, self.low_ijk, self.log2)]
-        };
-        min * self.scale.min(self.bound_scale)
+        self.partition.min(&self.cell) * self.scale.min(self.bound_scale)
     }
 
     #[inline(always)]
     fn sigma_t(&self, t: f32) -> f32 {
         // Inside the cell whatever rounding says, so that its bound holds.
         let p = (self.p0 + self.d * t).max(self.low).min(self.high);
-        let size = 1i32 << self.log2;
         let mut p = Vec3::from(p);
+        let high = self.cell.high;
         let mut ijk = [
-            (p.x as i32).min(self.low_ijk[0] + size - 1),
-            (p.y as i32).min(self.low_ijk[1] + size - 1),
-            (p.z as i32).min(self.low_ijk[2] + size - 1),
+            (p.x as i32).min(high[0] - 1),
+            (p.y as i32).min(high[1] - 1),
+            (p.z as i32).min(high[2] - 1),
         ];
-        let brick = if self.log2 <= BRICK_LOG2 {
-            self.brick
+        let brick = if self.cell.brick != NO_BRICK {
+            self.cell.brick
         } else {
             // Cells larger than a brick may reach beyond the grid.
             for axis in 0..3 {
@@ -267,13 +198,13 @@ impl<V: Voxel> RayField for GridRay<'_, V> {
     }
 }
 
-impl<V: Voxel> GridRay<'_, V> {
+impl<V: Voxel, P: Partition> GridRay<'_, V, P> {
     fn exact_ray(&self) -> (DVec3, DVec3) {
         (self.p0.as_dvec3(), self.d.as_dvec3())
     }
 }
 
-impl<V: Voxel> ExactField for GridRay<'_, V> {
+impl<V: Voxel, P: Partition> ExactField for GridRay<'_, V, P> {
     fn optical_depth(&self, tally: &mut Tally) -> f64 {
         let range = (0.0, f64::from(self.t_end));
         ray_depth(&self.view, self.exact_ray(), range, tally) * f64::from(self.scale)

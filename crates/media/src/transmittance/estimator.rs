@@ -9,7 +9,7 @@ use super::ratio::ratio_tracking_with_roulette;
 use super::ray_marching::{MARCHING_TEETH, ray_marching};
 use super::residual_ratio::{Control, residual_ratio_tracking};
 use super::taylor::{TAYLOR_STRETCH, TaylorOrder, taylor};
-use super::unbiased_ray_marching::{CombControl, unbiased_ray_marching};
+use super::unbiased_ray_marching::unbiased_ray_marching;
 use super::volterra::{VOLTERRA_STRETCH, volterra};
 use crate::channels::{Channels, Spectrum};
 use crate::collisions::TentativeCollisions;
@@ -138,15 +138,9 @@ impl Estimator {
             Estimator::Bidirectional => {
                 bidirectional(field, channels, BIDIRECTIONAL_STRETCH, threshold, rng, tally)
             }
-            Estimator::UnbiasedRayMarching => unbiased_ray_marching(
-                field,
-                channels,
-                CombControl::None,
-                whole,
-                threshold,
-                rng,
-                tally,
-            ),
+            Estimator::UnbiasedRayMarching => {
+                unbiased_ray_marching(field, channels, whole, threshold, rng, tally)
+            }
             Estimator::DebiasedRayMarching => {
                 debiased_ray_marching(field, channels, DEBIASED_TEETH, whole, threshold, rng, tally)
             }

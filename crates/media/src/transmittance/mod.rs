@@ -27,5 +27,5 @@ pub use regular::optical_depth;
 pub(crate) use regular::{ray_depth, ray_t_at_depth};
 pub use residual_ratio::{Control, residual_ratio_tracking};
 pub use taylor::{TAYLOR_STRETCH, TaylorOrder, taylor};
-pub use unbiased_ray_marching::{CombControl, unbiased_ray_marching};
+pub use unbiased_ray_marching::unbiased_ray_marching;
 pub use volterra::{VOLTERRA_STRETCH, volterra};

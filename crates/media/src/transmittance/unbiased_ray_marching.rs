@@ -5,7 +5,7 @@ use crate::channels::{Channels, Spectrum};
 use crate::elementary::{exp, ln};
 use crate::field::RayField;
 use crate::random::uniform;
-use crate::stretch::{Stretch, product_over_stretches};
+use crate::stretch::product_over_stretches;
 use crate::tally::Tally;
 use rand_core::Rng;
 use smallvec::SmallVec;
@@ -17,63 +17,6 @@ const CERTAIN_ORDER: f32 = 2.0;
 /// Mean order under these constants.
 const MEAN_ORDER: f32 = 0.319_45;
 
-/// What combs integrate the difference from: a known function that follows the extinction takes the variance of what it follows.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum CombControl {
-    /// Nothing: the published method.
-    #[default]
-    None,
-    /// The minorant of each majorant segment.
-    Minorant,
-    /// The middle of minorant and majorant of each segment.
-    Middle,
-}
-
-impl CombControl {
-    #[inline(always)]
-    fn of(self, majorant: f32, minorant: f32) -> f32 {
-        match self {
-            CombControl::None => 0.0,
-            CombControl::Minorant => minorant,
-            CombControl::Middle => 0.5 * (majorant + minorant),
-        }
-    }
-
-    /// Depth of the control.
-    fn depth(self, stretch: &Stretch) -> f32 {
-        match self {
-            CombControl::None => 0.0,
-            CombControl::Minorant => stretch.minorant_depth,
-            CombControl::Middle => 0.5 * (stretch.depth + stretch.minorant_depth),
-        }
-    }
-
-    /// The control at the ends of a stretch.
-    fn at_ends(self, stretch: &Stretch) -> [f32; 2] {
-        stretch.bounds_at_ends().map(|(majorant, minorant)| self.of(majorant, minorant))
-    }
-}
-
-/// Optical depth of a stretch less that of the control, by equidistant samples.
-fn residual_comb<F: RayField>(
-    field: &F,
-    stretch: &Stretch,
-    control: CombControl,
-    teeth: u32,
-    offset: f32,
-    tally: &mut Tally,
-) -> f32 {
-    let distance = f64::from(stretch.length) / f64::from(teeth);
-    let mut sum = 0.0f64;
-    for tooth in 0..teeth {
-        let length = ((f64::from(tooth) + f64::from(offset)) * distance) as f32;
-        let (t, majorant, minorant) = stretch.bounds_at_length(length);
-        sum += f64::from(field.sigma_t_anywhere(t)) - f64::from(control.of(majorant, minorant));
-    }
-    tally.lookups += u64::from(teeth);
-    (sum * distance) as f32
-}
-
 /// Lookups worth spending on a residual depth (majorant less minorant): the fit of Kettunen et al. 2021.
 fn lookups_for(residual: f32) -> f32 {
     let cube = (0.015 + residual) * (0.65 + residual) * (60.3 + residual);
@@ -84,12 +27,10 @@ fn lookups_for(residual: f32) -> f32 {
 /// An unbiased, possibly negative estimate of the transmittance; without variance for constant extinction, and for linear extinction but for rounding.
 ///
 /// `stretch` is the largest majorant depth that is marched at once: infinite for the published method, finite to cut the ray so that
-/// teeth do not beat with the field over its whole length. About the lookups of the published fit per stretch. `control`: none for the published
-/// method.
+/// teeth do not beat with the field over its whole length. About the lookups of the published fit per stretch.
 pub fn unbiased_ray_marching<F: RayField, C: Channels, R: Rng + ?Sized>(
     field: F,
     channels: C,
-    control: CombControl,
     stretch: f32,
     threshold: f32,
     rng: &mut R,
@@ -106,18 +47,12 @@ pub fn unbiased_ray_marching<F: RayField, C: Channels, R: Rng + ?Sized>(
             let residual = (stretch.depth - stretch.minorant_depth).max(0.0);
             let teeth = (lookups_for(residual) / (MEAN_ORDER + 1.0)).round().max(1.0) as u32;
             let (first, last) = stretch.ends();
-            let [control_first, control_last] = control.at_ends(stretch);
-            let slope = (field.sigma_t_anywhere(last) - control_last)
-                - (field.sigma_t_anywhere(first) - control_first);
-            let known = control.depth(stretch);
+            let slope = field.sigma_t_anywhere(last) - field.sigma_t_anywhere(first);
             tally.lookups += 2;
             let distance = stretch.length / teeth as f32;
             let mut sample = |rng: &mut R| {
                 let offset = uniform(rng);
-                let depth = match control {
-                    CombControl::None => comb(field, stretch, teeth, offset, tally),
-                    _ => known + residual_comb(field, stretch, control, teeth, offset, tally),
-                };
+                let depth = comb(field, stretch, teeth, offset, tally);
                 channels.of(depth + distance * (0.5 - offset) * slope) * -1.0
             };
             let mut exponents: SmallVec<[C::Value; 8]> = SmallVec::new();

@@ -38,12 +38,14 @@ pub(crate) fn prepare(input: &InputOptions, overrides: &Overrides) -> Result<Pre
     for volume in &loaded.scene.volumes {
         if let VolumeSource::Vdb { path, grid, density_scale, build } = &volume.source {
             tracing::debug!(
-                "volume `{}`: grid `{grid}` of {}, scale {density_scale}, {} bricks, {:.1} MB, built in {:.3} s",
+                "volume `{}`: grid `{grid}` of {}, scale {density_scale}, {} bricks, {:.1} MB of voxels, {:.2} MB of bounds, built in {:.4} s of which bounds {:.4} s",
                 volume.name,
                 path.display(),
                 build.bricks,
-                (build.bytes_voxels + build.bytes_bounds + build.bytes_index) as f64 * 1e-6,
+                build.bytes_voxels as f64 * 1e-6,
+                (build.bytes_bounds + build.bytes_index) as f64 * 1e-6,
                 build.seconds,
+                build.seconds_bounds,
             );
         }
     }
