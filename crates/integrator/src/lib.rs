@@ -6,6 +6,7 @@ mod error;
 mod lights;
 mod media;
 mod path;
+mod pilot;
 mod plan;
 mod render;
 mod sampler;
@@ -14,7 +15,8 @@ mod thickness;
 
 pub use counters::Counters;
 pub use error::Error;
-pub use plan::{Plan, PlannedVolume};
+pub use pilot::Pilot;
+pub use plan::{Plan, PlannedVolume, Predicted};
 pub use render::{Monitor, Unmonitored, render, sample_pixel};
 pub use sampler::PathSampler;
 pub use settings::{Distance, LightSampling, RenderSettings, Transmittance};

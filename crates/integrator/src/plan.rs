@@ -3,6 +3,7 @@
 use crate::Error;
 use crate::lights::Lights;
 use crate::media::Methods;
+use crate::pilot::Pilot;
 use crate::settings::{Distance, RenderSettings, Transmittance};
 use crate::thickness::typical_depth;
 use pileus_media::distance::DistanceSampler;
@@ -57,6 +58,20 @@ impl PartialEq for PlannedMedia {
     }
 }
 
+/// What a render is expected to cost, by a few pilot paths.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Predicted {
+    /// Lookups per path.
+    pub lookups_per_path: f64,
+    /// Majorant steps per path.
+    pub steps_per_path: f64,
+    /// Real collisions per path: the optical depth that flights cross.
+    pub collisions_per_path: f64,
+}
+
+/// Paths of the pilot: some milliseconds, a tenth of error.
+const PILOT_PATHS: u32 = 512;
+
 /// What is modelled, by which methods, and why. Prints itself for people and serialises for `stats` and image metadata.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Plan {
@@ -80,6 +95,8 @@ pub struct Plan {
     pub biased: Vec<String>,
     /// Majorant structure in use.
     pub majorants: String,
+    /// Expected cost per path, for grids under delta and ratio tracking; none for other methods.
+    pub predicted: Option<Predicted>,
     /// Lights that shadow rays are sent to.
     pub shadow_ray_lights: usize,
     /// Most scattering events on a path; none: unlimited.
@@ -173,8 +190,9 @@ impl Plan {
         if let Some(n) = settings.max_bounces {
             biased.push(format!("max_bounces {n}: longer paths are cut"));
         }
-        Ok(Plan {
+        let mut plan = Plan {
             kernel,
+            predicted: None,
             mis,
             distance: if equiangular {
                 Distance::Equiangular
@@ -193,7 +211,21 @@ impl Plan {
             volumes,
             reasons,
             not_modelled: scene.not_modelled.clone(),
-        })
+        };
+        let tracked = matches!(
+            methods.distance,
+            DistanceSampler::Delta | DistanceSampler::Spectral | DistanceSampler::WeightedDelta
+        );
+        if grids > 0 && tracked && methods.transmittance == Estimator::Ratio && !plan.equiangular {
+            let pilot = Pilot::new(scene, &plan, settings, PILOT_PATHS);
+            let cost = pilot.cost_on(plan.media.0.iter().map(|medium| &**medium));
+            plan.predicted = Some(Predicted {
+                lookups_per_path: cost.collisions,
+                steps_per_path: cost.steps,
+                collisions_per_path: pilot.collisions(),
+            });
+        }
+        Ok(plan)
     }
 
     /// Name of the path kernel.
@@ -375,6 +407,14 @@ impl fmt::Display for Plan {
         writeln!(f, "majorants      {}", self.majorants)?;
         if self.majorant_scale != 1.0 {
             writeln!(f, "               times {}", self.majorant_scale)?;
+        }
+        if let Some(Predicted { lookups_per_path, steps_per_path, collisions_per_path }) =
+            self.predicted
+        {
+            writeln!(
+                f,
+                "expected       {lookups_per_path:.2} lookups, {steps_per_path:.2} steps, {collisions_per_path:.2} real collisions per path"
+            )?;
         }
         writeln!(
             f,

@@ -100,6 +100,10 @@ Writes transmittance-NAME.csv, .html, and each plot as .svg and .png.")]
 Methods are named distance+transmittance, with *F where majorants are scaled: delta+ratio, auto+regular, delta+ratio*4.
 Writes render-NAME.csv, .html, and the plot as .svg and .png.")]
     Render(ChartRenderOptions),
+    /// Every majorant structure on a scene: predicted and measured cost.
+    #[command(after_long_help = "\
+Writes majorants-NAME.csv, .html, and the plots as .svg and .png.")]
+    Majorants(ChartMajorantsOptions),
     /// Every method under every stress: where methods break.
     #[command(after_long_help = "\
 Writes stability.md, stability.csv, stability.html and plots. The outcome is the same on every machine.")]
@@ -156,6 +160,23 @@ pub struct ChartRenderOptions {
     /// Timings of other renderers to draw in: columns scene, renderer, seconds, relmse.
     #[arg(long, value_name = "CSV")]
     pub peers: Option<PathBuf>,
+}
+
+/// Options of `chart majorants`.
+#[derive(Debug, Args)]
+pub struct ChartMajorantsOptions {
+    /// Jobs, scenes or OpenVDB files.
+    #[arg(required = true, value_name = "JOB")]
+    pub jobs: Vec<PathBuf>,
+    /// Folder to write into.
+    #[arg(short, long, value_name = "FOLDER", default_value = "charts")]
+    pub output: PathBuf,
+    /// Seconds per structure.
+    #[arg(long, value_name = "S", default_value_t = 2.0, value_parser = parse_scale)]
+    pub seconds: f64,
+    /// Width and height in pixels instead of the job's.
+    #[arg(long, value_name = "WxH", value_parser = parse_resolution)]
+    pub resolution: Option<[u32; 2]>,
 }
 
 /// Options of `chart stability`.

@@ -1,11 +1,13 @@
 //! Experiments: what is measured, on what, and how it is judged.
 
+mod majorants;
 mod measure;
 mod rays;
 mod render;
 mod stability;
 mod transmittance;
 
+pub use majorants::chart_majorants;
 pub use measure::{Moments, Samples};
 pub use rays::{LabRay, RayClass, classed_rays};
 pub use render::{RenderExperiment, RenderMethod, chart_render};

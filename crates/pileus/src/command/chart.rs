@@ -8,15 +8,15 @@ use pileus_lab::ProfileCase;
 use pileus_lab::chart::Chart;
 use pileus_lab::experiment::{
     RenderExperiment, RenderMethod, Subject, TransmittanceMethod, TransmittanceSettings,
-    chart_render, chart_transmittance, classed_rays, stability,
+    chart_majorants, chart_render, chart_transmittance, classed_rays, stability,
 };
 use pileus_media::Medium;
 use pileus_scene::json::Document;
 use serde::Deserialize;
 
 use crate::cli::{
-    ChartOptions, ChartRenderOptions, ChartStabilityOptions, ChartTransmittanceOptions, Experiment,
-    InputOptions,
+    ChartMajorantsOptions, ChartOptions, ChartRenderOptions, ChartStabilityOptions,
+    ChartTransmittanceOptions, Experiment, InputOptions,
 };
 use crate::command::prepare;
 use crate::failure::Failure;
@@ -33,6 +33,7 @@ pub(crate) fn run(options: &ChartOptions, report: &Report) -> Result<(), Failure
     match &options.experiment {
         Experiment::Transmittance(options) => transmittance(options, report),
         Experiment::Render(options) => render(options, report),
+        Experiment::Majorants(options) => majorants(options, report),
         Experiment::Stability(options) => stability_chart(options, report),
     }
 }
@@ -184,6 +185,19 @@ fn render(options: &ChartRenderOptions, report: &Report) -> Result<(), Failure> 
             name,
         };
         write(&chart_render(&experiment)?, &options.output, report)?;
+    }
+    Ok(())
+}
+
+fn majorants(options: &ChartMajorantsOptions, report: &Report) -> Result<(), Failure> {
+    for job in &options.jobs {
+        let input =
+            InputOptions { input: job.clone(), grid: None, density_scale: None, up_axis: None };
+        let overrides = Overrides { resolution: options.resolution, ..Overrides::default() };
+        let prepared = prepare(&input, &overrides)?;
+        let (scene, settings) = (&prepared.loaded.scene, &prepared.settings.render);
+        let chart = chart_majorants(&stem(job), scene, settings, options.seconds)?;
+        write(&chart, &options.output, report)?;
     }
     Ok(())
 }

@@ -1,0 +1,217 @@
+//! A few paths ahead of a render: which rays it will walk, and what a majorant structure would cost on them.
+//!
+//! The rays hold what no formula knows: how often light scatters where. On them the cost of any structure is an integral: the majorants' optical depth is the expected
+//! number of tentative collisions, the cells on the way are the steps.
+
+use crate::Error;
+use crate::counters::Counters;
+use crate::lights::Lights;
+use crate::media::{Collision, Flown, Media, Overlapping, Ray, Shadow};
+use crate::path::Kernel;
+use crate::plan::Plan;
+use crate::sampler::PathSampler;
+use crate::settings::RenderSettings;
+use glam::{DVec3, Vec3};
+use pileus_media::{MajorantStructure, Medium, Phase, RayField, StructureCost, Tally};
+use pileus_scene::Scene;
+use rand_core::Rng;
+use rayon::prelude::*;
+use std::sync::Mutex;
+
+/// A ray that a path walked.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct PilotRay {
+    origin: DVec3,
+    direction: Vec3,
+    /// Where the flight ended or the light stands; infinite if nowhere.
+    length: f64,
+    /// Transmittance below which a shadow walk is played roulette; zero for flights, which are walked whole.
+    threshold: f32,
+}
+
+/// The rays of some paths of a scene.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Pilot {
+    paths: u64,
+    collisions: u64,
+    rays: Vec<PilotRay>,
+}
+
+/// Media that remember what they were asked.
+struct Recorder<'a> {
+    media: Overlapping<'a>,
+    rays: Mutex<Vec<PilotRay>>,
+}
+
+impl Recorder<'_> {
+    fn record(&self, ray: &Ray, length: f64, threshold: f32) {
+        let Ray { origin, direction } = *ray;
+        // One path per recorder: nobody else holds the lock, and what a panicked holder left is whole.
+        let mut rays = self.rays.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        rays.push(PilotRay { origin, direction, length, threshold });
+    }
+}
+
+impl Media for Recorder<'_> {
+    fn flight<R: Rng>(
+        &self,
+        ray: &Ray,
+        first: Option<f32>,
+        flown: &mut Flown,
+        rng: &mut R,
+        tally: &mut Tally,
+    ) -> Option<Collision> {
+        let collision = self.media.flight(ray, first, flown, rng, tally);
+        self.record(ray, collision.map_or(f64::INFINITY, |c| c.t), 0.0);
+        collision
+    }
+
+    fn transmittance<R: Rng>(
+        &self,
+        ray: &Ray,
+        t_max: f64,
+        threshold: f32,
+        rng: &mut R,
+        tally: &mut Tally,
+    ) -> Shadow {
+        self.record(ray, t_max, threshold);
+        self.media.transmittance(ray, t_max, threshold, rng, tally)
+    }
+
+    fn scattering(&self, p_world: DVec3, visit: impl FnMut(Vec3, &Phase)) {
+        self.media.scattering(p_world, visit);
+    }
+
+    fn extent(&self, ray: &Ray) -> Option<(f64, f64)> {
+        self.media.extent(ray)
+    }
+
+    fn properties(&self, collision: &Collision, p_world: DVec3) -> (Phase, Vec3) {
+        self.media.properties(collision, p_world)
+    }
+}
+
+impl Pilot {
+    /// Traces `paths` paths over a lattice of pixels. The same for every seed of the settings and any number of threads.
+    pub fn new(scene: &Scene, plan: &Plan, settings: &RenderSettings, paths: u32) -> Pilot {
+        let lights = Lights::new(scene, settings.light_sampling);
+        let [width, height] = scene.camera.resolution();
+        let traced: Vec<(Vec<PilotRay>, u64)> = (0..paths)
+            .into_par_iter()
+            .map(|i| {
+                let kernel = Kernel {
+                    media: Recorder {
+                        media: Overlapping { media: &plan.media.0, methods: plan.methods },
+                        rays: Mutex::new(Vec::new()),
+                    },
+                    lights: &lights,
+                    environment: &scene.environment,
+                    max_bounces: settings.max_bounces.unwrap_or(u32::MAX),
+                    typical_sigma_t: 1.0,
+                };
+                // A lattice of rank one covers the picture evenly whatever the number of paths.
+                let at = |step: f64, n: u32| (f64::from(i) * step).fract() * f64::from(n);
+                let film =
+                    [at(0.754_877_666_246_692_7, width), at(0.569_840_290_998_053_3, height)];
+                let (origin, direction) = scene.camera.ray(film);
+                let mut sampler = PathSampler::new(0, film[0] as u32, film[1] as u32, u64::from(i));
+                let [_, _, first, _] = sampler.stratified(0);
+                let mut counters = Counters::default();
+                let ray = Ray { origin, direction };
+                if plan.mis {
+                    kernel.trace::<true, false>(ray, &mut sampler, first, &mut counters);
+                } else {
+                    kernel.trace::<false, false>(ray, &mut sampler, first, &mut counters);
+                }
+                let rays = kernel.media.rays.into_inner();
+                (rays.unwrap_or_else(std::sync::PoisonError::into_inner), counters.collisions)
+            })
+            .collect();
+        Pilot {
+            paths: u64::from(paths),
+            collisions: traced.iter().map(|(_, collisions)| collisions).sum(),
+            rays: traced.into_iter().flat_map(|(rays, _)| rays).collect(),
+        }
+    }
+
+    /// Real collisions per path.
+    pub fn collisions(&self) -> f64 {
+        self.collisions as f64 / self.paths as f64
+    }
+
+    /// Expected tentative collisions and steps per path by delta and ratio tracking under a majorant structure.
+    ///
+    /// # Errors
+    /// If a medium cannot have that structure.
+    pub fn cost(
+        &self,
+        scene: &Scene,
+        structure: MajorantStructure,
+        majorant_scale: f32,
+    ) -> Result<StructureCost, Error> {
+        let media: Vec<Medium> = scene
+            .volumes
+            .iter()
+            .map(|volume| volume.medium.with_majorants(structure, majorant_scale))
+            .collect::<Result<_, _>>()
+            .map_err(|error| Error::Invalid {
+                what: format!("{}: {error}", structure.name()),
+                remedy: "take another structure".into(),
+            })?;
+        Ok(self.cost_on(media.iter()))
+    }
+
+    /// The same for media as they are.
+    pub(crate) fn cost_on<'m>(
+        &self,
+        media: impl Iterator<Item = &'m Medium> + Clone + Sync + Send,
+    ) -> StructureCost {
+        let sums: Vec<(f64, f64)> = self
+            .rays
+            .par_iter()
+            .with_min_len(64)
+            .map(|ray| media.clone().fold((0.0, 0.0), |sum, medium| add(sum, walk(medium, ray))))
+            .collect();
+        let (steps, collisions) = sums.into_iter().fold((0.0, 0.0), add);
+        let paths = self.paths as f64;
+        StructureCost { steps: steps / paths, collisions: collisions / paths }
+    }
+}
+
+fn add(a: (f64, f64), b: (f64, f64)) -> (f64, f64) {
+    (a.0 + b.0, a.1 + b.1)
+}
+
+/// Steps and expected tentative collisions of one ray in one medium.
+fn walk(medium: &Medium, ray: &PilotRay) -> (f64, f64) {
+    let Medium::Grid(grid) = medium else {
+        // Homogeneous media: real collisions alone, shadow rays in closed form.
+        return (0.0, 0.0);
+    };
+    let Some(span) = grid.span(ray.origin, ray.direction, ray.length) else {
+        return (0.0, 0.0);
+    };
+    let mut field = grid.any_ray(&span);
+    let (mut steps, mut collisions, mut depth) = (0.0, 0.0, 0.0f64);
+    let mut walked = 0;
+    while let Some(segment) = field.next_segment() {
+        // The share of shadow walks that roulette has left so far.
+        let alive = if ray.threshold > 0.0 {
+            ((-depth).exp() / f64::from(ray.threshold)).min(1.0)
+        } else {
+            1.0
+        };
+        let length = f64::from(segment.t1 - segment.t0);
+        collisions += alive * length * f64::from(segment.majorant);
+        steps += alive * (field.steps() - walked) as f64;
+        walked = field.steps();
+        if ray.threshold > 0.0 {
+            let at = |u: f32| f64::from(field.sigma_t(segment.t0 + (segment.t1 - segment.t0) * u));
+            depth += 0.5 * length * (at(0.211_324_87) + at(0.788_675_13));
+            if alive < 1e-4 {
+                return (steps, collisions);
+            }
+        }
+    }
+    (steps + (field.steps() - walked) as f64, collisions)
+}

@@ -1,0 +1,204 @@
+//! Majorant structures on a scene: predicted and measured lookups and steps, time per path.
+
+use crate::Error;
+use crate::chart::{Axis, Cell, Chart, Plot, Provenance, Series, Table};
+use pileus_film::Film;
+use pileus_integrator::{
+    Counters, Distance, Pilot, Plan, RenderSettings, Transmittance, Unmonitored, render,
+};
+use pileus_media::distance::DistanceSampler;
+use pileus_media::transmittance::Estimator;
+use pileus_media::{MajorantStructure, Medium, StructureCost};
+use pileus_scene::Scene;
+use std::time::Instant;
+
+/// Paths of the pilot that costs are predicted from.
+const PILOT_PATHS: u32 = 8192;
+
+/// All structures, with super-grids of 4 to 128 voxels.
+fn structures() -> Vec<MajorantStructure> {
+    let mut structures = vec![
+        MajorantStructure::Adaptive,
+        MajorantStructure::Hierarchy,
+        MajorantStructure::KdTree,
+        MajorantStructure::Global,
+    ];
+    structures.extend((2..=7).map(|log2| MajorantStructure::Uniform(1 << log2)));
+    structures
+}
+
+struct Run {
+    structure: MajorantStructure,
+    predicted: StructureCost,
+    settings: RenderSettings,
+    plan: Plan,
+    counters: Counters,
+    seconds: f64,
+    cells: u64,
+    bytes: u64,
+    build: f64,
+}
+
+/// Renders a scene under every structure, in turns, until each has had `seconds`; predicts the cost of each from one pilot.
+///
+/// # Errors
+/// If the scene cannot be rendered. Structures that a grid cannot have are left out and named.
+pub fn chart_majorants(
+    name: &str,
+    scene: &Scene,
+    settings: &RenderSettings,
+    seconds: f64,
+) -> Result<Chart, Error> {
+    let base = RenderSettings {
+        samples: 0..1,
+        distance: Distance::By(DistanceSampler::Delta),
+        transmittance: Transmittance::By(Estimator::Ratio),
+        majorant_scale: 1.0,
+        ..settings.clone()
+    };
+    let pilot = {
+        let plan = Plan::new(scene, &base).map_err(Error::Render)?;
+        Pilot::new(scene, &plan, &base, PILOT_PATHS)
+    };
+    let mut notes = vec![format!(
+        "Predicted: the majorants' optical depth and the cells along the rays of {PILOT_PATHS} pilot paths, traced once under the default structure. Measured: what whole \
+         renders counted. Structures take turns. Times are of all threads, per path; the adaptive structure has a kernel compiled for it, the others share one with a branch per step. \
+         Delta and ratio tracking."
+    )];
+    let mut runs = Vec::new();
+    for structure in structures() {
+        let settings = RenderSettings { majorants: structure, ..base.clone() };
+        match Plan::new(scene, &settings) {
+            Err(error) => notes.push(format!("Left out: {}: {error}", structure.name())),
+            Ok(plan) => {
+                let predicted = pilot.cost(scene, structure, 1.0).map_err(Error::Render)?;
+                let (mut cells, mut bytes, mut build) = (0, 0, 0.0);
+                for volume in &scene.volumes {
+                    if let Medium::Grid(grid) = &*volume.medium {
+                        let built = grid.with_majorants(structure, 1.0).map_err(Error::Media)?;
+                        let footprint = built.majorants().footprint();
+                        cells += footprint.0;
+                        bytes += footprint.1;
+                        build += built.majorants().seconds();
+                    }
+                }
+                let counters = Counters::default();
+                runs.push(Run {
+                    structure,
+                    predicted,
+                    settings,
+                    plan,
+                    counters,
+                    seconds: 0.0,
+                    cells,
+                    bytes,
+                    build,
+                });
+            }
+        }
+    }
+    let mut sample = 0;
+    while runs.iter().any(|run| run.seconds < seconds) {
+        for run in runs.iter_mut().filter(|run| run.seconds < seconds) {
+            let settings = RenderSettings { samples: sample..sample + 4, ..run.settings.clone() };
+            let mut film = Film::new(scene.camera.resolution(), None)?;
+            let start = Instant::now();
+            let counters = render(scene, &run.plan, &settings, &mut film, &Unmonitored);
+            run.seconds += start.elapsed().as_secs_f64();
+            run.counters.merge(&counters.map_err(Error::Render)?);
+        }
+        sample += 4;
+    }
+    let mut table = Table::new(&[
+        "structure",
+        "lookups/path",
+        "predicted",
+        "ratio",
+        "steps/path",
+        "predicted steps",
+        "ratio of steps",
+        "lookups/real collision",
+        "ns/path",
+        "against the default",
+        "cells",
+        "bytes",
+        "build s",
+    ]);
+    let nanoseconds = |run: &Run| 1e9 * run.seconds / run.counters.paths as f64;
+    let default = runs.first().map_or(f64::NAN, nanoseconds);
+    let (mut predicted, mut measured) = (Vec::new(), Vec::new());
+    for run in &runs {
+        let paths = run.counters.paths as f64;
+        let (lookups, steps) =
+            (run.counters.lookups as f64 / paths, run.counters.majorant_steps as f64 / paths);
+        table.push(vec![
+            run.structure.name().into(),
+            lookups.into(),
+            run.predicted.collisions.into(),
+            (run.predicted.collisions / lookups).into(),
+            steps.into(),
+            run.predicted.steps.into(),
+            (run.predicted.steps / steps).into(),
+            (run.counters.lookups as f64 / run.counters.collisions as f64).into(),
+            nanoseconds(run).into(),
+            (nanoseconds(run) / default).into(),
+            Cell::Count(run.cells),
+            Cell::Count(run.bytes),
+            run.build.into(),
+        ]);
+        predicted.push((run.structure, run.predicted.nanoseconds()));
+        measured.push((run.structure, nanoseconds(run)));
+    }
+    let series = |points: &[(MajorantStructure, f64)], what: &str| {
+        let mut series = Vec::new();
+        let sizes: Vec<[f64; 2]> = points
+            .iter()
+            .filter_map(|(s, y)| match s {
+                MajorantStructure::Uniform(size) => Some([f64::from(*size), *y]),
+                _ => None,
+            })
+            .collect();
+        series.push(Series {
+            name: format!("super-grid, {what}"),
+            points: sizes.clone(),
+            line: true,
+        });
+        let (first, last) =
+            (sizes.first().map_or(4.0, |p| p[0]), sizes.last().map_or(128.0, |p| p[0]));
+        for (structure, y) in points {
+            if !matches!(structure, MajorantStructure::Uniform(_)) {
+                let points = vec![[first, *y], [last, *y]];
+                series.push(Series {
+                    name: format!("{}, {what}", structure.name()),
+                    points,
+                    line: true,
+                });
+            }
+        }
+        series
+    };
+    let plot = |key: &str, title: &str, y: &str, series| Plot {
+        name: key.into(),
+        title: format!("{name}: {title}"),
+        x: Axis::log("cell of the super-grid, voxels"),
+        y: Axis::log(y),
+        series,
+    };
+    Ok(Chart {
+        name: format!("majorants-{name}"),
+        title: format!("{name}: majorant structures"),
+        notes,
+        provenance: Provenance::here(settings.seed).with("seconds per structure", seconds),
+        table,
+        plots: vec![
+            plot("measured", "time per path", "ns per path", series(&measured, "measured")),
+            plot(
+                "predicted",
+                "predicted cost of lookups and steps",
+                "ns per path and thread",
+                series(&predicted, "predicted"),
+            ),
+        ],
+        pictures: Vec::new(),
+    })
+}
