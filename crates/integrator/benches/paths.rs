@@ -1,7 +1,7 @@
-//! Whole paths per second on three assets under sun and sky. Run with `cargo bench -p pileus-integrator`.
+//! Whole paths per second on three assets under sun and sky, and on a field of two hundred clouds made of one grid. Run with `cargo bench -p pileus-integrator`.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use glam::{DVec3, Vec3};
+use glam::{DAffine3, DVec3, Vec3};
 use pileus_film::Film;
 use pileus_integrator::{Plan, RenderSettings, Unmonitored, render};
 use pileus_media::{Albedo, GridMedium, Medium, Phase, VoxelGrid, VoxelGridOptions};
@@ -65,7 +65,46 @@ fn benches(c: &mut Criterion) {
             });
         });
     }
+    // The same cloud alone, as the first of two media (the second far off), and amid two hundred: what a list and its index cost.
+    for (name, count) in [("one_cloud", 1), ("two_clouds", 2), ("two_hundred_clouds", 200)] {
+        let scene = field(count);
+        let settings = RenderSettings { samples: 0..4, ..RenderSettings::default() };
+        let plan = Plan::new(&scene, &settings).expect("a plan");
+        group.bench_function(name, |b| {
+            b.iter(|| {
+                let mut film = Film::new([64, 64], None).expect("a film");
+                pool.install(|| render(&scene, &plan, &settings, &mut film, &Unmonitored))
+                    .expect("a render")
+            });
+        });
+    }
     group.finish();
+}
+
+/// Instances of one cloud on a lattice three clouds wide, around the first, which fills the picture.
+fn field(count: usize) -> Scene {
+    let mut scene = scene("cumulus_small.vdb", 0.4, [0.999; 3], 0.8);
+    let medium = Arc::clone(&scene.volumes[0].medium);
+    let Medium::Grid(first) = &*medium else { unreachable!() };
+    let (low, high) = medium.bounds_world().expect("bounds");
+    let step = 3.0 * (high - low).max_element();
+    for i in 1..count {
+        let at = DVec3::new((i % 15) as f64 - 7.0, 0.0, (i / 15) as f64 - 7.0) * step;
+        let at = if at == DVec3::ZERO { DVec3::new(8.0, 0.0, 0.0) * step } else { at };
+        let placed = GridMedium::new(
+            Arc::clone(first.grid()),
+            DAffine3::from_translation(at) * first.index_to_world(),
+            [first.scale(); 3],
+            first.albedo().clone(),
+            *first.phase(),
+        );
+        scene.volumes.push(Volume {
+            name: format!("cloud {i}"),
+            medium: Arc::new(Medium::Grid(placed.expect("a medium"))),
+            source: VolumeSource::Homogeneous,
+        });
+    }
+    scene
 }
 
 criterion_group!(paths, benches);

@@ -6,9 +6,9 @@
 use crate::Error;
 use crate::counters::Counters;
 use crate::lights::Lights;
-use crate::media::{Collision, Flown, Media, Overlapping, Ray, Shadow};
+use crate::media::{Collision, Flown, Media, MediaIndex, Overlapping, Ray, Shadow};
 use crate::path::Kernel;
-use crate::plan::Plan;
+use crate::plan::{Plan, PlannedMedia};
 use crate::sampler::PathSampler;
 use crate::settings::RenderSettings;
 use glam::{DVec3, Vec3};
@@ -16,7 +16,7 @@ use pileus_media::{MajorantStructure, Medium, Phase, RayField, StructureCost, Ta
 use pileus_scene::Scene;
 use rand_core::Rng;
 use rayon::prelude::*;
-use std::sync::Mutex;
+use std::sync::{Arc, Mutex};
 
 /// A ray that a path walked.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -101,7 +101,11 @@ impl Pilot {
             .map(|i| {
                 let kernel = Kernel {
                     media: Recorder {
-                        media: Overlapping { media: &plan.media.0, methods: plan.methods },
+                        media: Overlapping {
+                            media: &plan.media.media,
+                            index: &plan.media.index,
+                            methods: plan.methods,
+                        },
                         rays: Mutex::new(Vec::new()),
                     },
                     lights: &lights,
@@ -149,29 +153,28 @@ impl Pilot {
         structure: MajorantStructure,
         majorant_scale: f32,
     ) -> Result<StructureCost, Error> {
-        let media: Vec<Medium> = scene
+        let media: Vec<Arc<Medium>> = scene
             .volumes
             .iter()
-            .map(|volume| volume.medium.with_majorants(structure, majorant_scale))
+            .map(|volume| volume.medium.with_majorants(structure, majorant_scale).map(Arc::new))
             .collect::<Result<_, _>>()
             .map_err(|error| Error::Invalid {
                 what: format!("{}: {error}", structure.name()),
                 remedy: "take another structure".into(),
             })?;
-        Ok(self.cost_on(media.iter()))
+        let index = Arc::new(MediaIndex::new(&media));
+        Ok(self.cost_on(&PlannedMedia { media, index }))
     }
 
     /// The same for media as they are.
-    pub(crate) fn cost_on<'m>(
-        &self,
-        media: impl Iterator<Item = &'m Medium> + Clone + Sync + Send,
-    ) -> StructureCost {
-        let sums: Vec<(f64, f64)> = self
-            .rays
-            .par_iter()
-            .with_min_len(64)
-            .map(|ray| media.clone().fold((0.0, 0.0), |sum, medium| add(sum, walk(medium, ray))))
-            .collect();
+    pub(crate) fn cost_on(&self, planned: &PlannedMedia) -> StructureCost {
+        let of_ray = |ray: &PilotRay| {
+            let PilotRay { origin, direction, .. } = *ray;
+            let met = planned.index.along(&Ray { origin, direction }, ray.length);
+            met.iter().fold((0.0, 0.0), |sum, &i| add(sum, walk(&planned.media[i as usize], ray)))
+        };
+        let sums: Vec<(f64, f64)> =
+            self.rays.par_iter().with_min_len(64).map(of_ray).collect();
         let (steps, collisions) = sums.into_iter().fold((0.0, 0.0), add);
         let paths = self.paths as f64;
         StructureCost { steps: steps / paths, collisions: collisions / paths }

@@ -2,7 +2,7 @@
 
 use crate::Error;
 use crate::lights::Lights;
-use crate::media::Methods;
+use crate::media::{MediaIndex, Methods};
 use crate::pilot::Pilot;
 use crate::settings::{Distance, RenderSettings, Transmittance};
 use crate::thickness::typical_depth;
@@ -49,7 +49,10 @@ pub struct PlannedVolume {
 
 /// The media that a plan renders: those of the scene, with the majorants it chose.
 #[derive(Debug, Clone)]
-pub(crate) struct PlannedMedia(pub(crate) Vec<Arc<Medium>>);
+pub(crate) struct PlannedMedia {
+    pub(crate) media: Vec<Arc<Medium>>,
+    pub(crate) index: Arc<MediaIndex>,
+}
 
 impl PartialEq for PlannedMedia {
     /// Plans are compared by what they choose; what they are made for is the scene's to say.
@@ -218,7 +221,7 @@ impl Plan {
         );
         if grids > 0 && tracked && methods.transmittance == Estimator::Ratio && !plan.equiangular {
             let pilot = Pilot::new(scene, &plan, settings, PILOT_PATHS);
-            let cost = pilot.cost_on(plan.media.0.iter().map(|medium| &**medium));
+            let cost = pilot.cost_on(&plan.media);
             plan.predicted = Some(Predicted {
                 lookups_per_path: cost.collisions,
                 steps_per_path: cost.steps,
@@ -278,7 +281,7 @@ fn choose_equiangular(
 fn prepare(scene: &Scene, settings: &RenderSettings) -> Result<PlannedMedia, Error> {
     let (structure, factor) = (settings.majorants, settings.majorant_scale);
     let plain = structure == MajorantStructure::default() && factor == 1.0;
-    let media: Result<Vec<_>, Error> = scene
+    let media: Vec<Arc<Medium>> = scene
         .volumes
         .iter()
         .map(|volume| {
@@ -293,8 +296,9 @@ fn prepare(scene: &Scene, settings: &RenderSettings) -> Result<PlannedMedia, Err
                 }
             })
         })
-        .collect();
-    media.map(PlannedMedia)
+        .collect::<Result<_, Error>>()?;
+    let index = Arc::new(MediaIndex::new(&media));
+    Ok(PlannedMedia { media, index })
 }
 
 /// The methods for flights and shadow rays.

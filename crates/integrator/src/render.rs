@@ -131,7 +131,7 @@ fn dispatch<J: Job>(
     settings: &RenderSettings,
     job: &mut J,
 ) -> J::Output {
-    let media = plan.media.0.as_slice();
+    let media = plan.media.media.as_slice();
     let max_bounces = settings.max_bounces.unwrap_or(u32::MAX);
     let typical_sigma_t = if plan.equiangular { typical_sigma_t(scene) } else { 0.0 };
     if let (KernelKind::SingleGrey, [medium]) = (plan.kernel, media)
@@ -146,7 +146,7 @@ fn dispatch<J: Job>(
         };
     }
     let kernel = Kernel {
-        media: Overlapping { media, methods: plan.methods },
+        media: Overlapping { media, index: &plan.media.index, methods: plan.methods },
         lights,
         environment: &scene.environment,
         max_bounces,

@@ -145,6 +145,11 @@ impl GridMedium {
         self.local_to_world.matrix3.determinant().abs().cbrt() as f32
     }
 
+    /// From index space to the world.
+    pub fn index_to_world(&self) -> DAffine3 {
+        self.local_to_world * DAffine3::from_translation(-self.grid.local_to_index())
+    }
+
     /// The field.
     pub fn grid(&self) -> &Arc<VoxelGrid> {
         &self.grid

@@ -1,8 +1,10 @@
 //! The media of a scene as the path kernel sees them: free flights and transmittance, one implementation per kind of scene.
 
+mod index;
 mod overlapping;
 mod single_grey;
 
+pub(crate) use index::{MediaIndex, Met};
 pub(crate) use overlapping::Overlapping;
 pub(crate) use single_grey::{AnyStructure, DefaultStructure, SingleGrey, Structures};
 

@@ -6,14 +6,14 @@
 //! throughput over channels is the same before and after every event, so that no channel's weight exceeds the number of channels;
 //! it is single-sample multiple importance sampling over channels by the balance heuristic [Miller et al. 2019].
 
-use super::{Collision, Flown, Media, Methods, Ray, Shadow};
+use super::{Collision, Flown, Media, MediaIndex, Met, Methods, Ray, Shadow};
 use glam::{DVec3, Vec3};
 use pileus_media::distance::{DistanceSampler, Flight, real_probability};
 use pileus_media::random::{exponential, uniform};
 use pileus_media::transmittance::{Estimator, ratio_tracking_with_roulette};
 use pileus_media::{
-    AnyGridRay, Channels, ExactField, Grey, HomogeneousRay, MajorantSegment, Medium, Phase,
-    RayField, Relative, Spectrum, Tally, Tentative, TentativeCollisions,
+    AnyGridRay, Channels, ExactField, Grey, GridMedium, HomogeneousMedium, HomogeneousRay, MajorantSegment, Medium, Phase,
+    RayField, Relative, Span, Spectrum, Tally, Tentative, TentativeCollisions,
 };
 use rand_core::Rng;
 use smallvec::SmallVec;
@@ -22,6 +22,7 @@ use std::sync::Arc;
 /// All media of a scene, as a list.
 pub(crate) struct Overlapping<'a> {
     pub(crate) media: &'a [Arc<Medium>],
+    pub(crate) index: &'a MediaIndex,
     pub(crate) methods: Methods,
 }
 
@@ -97,18 +98,45 @@ impl Walker<'_> {
     }
 }
 
-fn enter<'a>(medium: &'a Medium, ray: &Ray, t_max: f64) -> Option<(f64, AnyRay<'a>)> {
-    match medium {
-        Medium::Grid(grid) => {
-            let span = grid.span(ray.origin, ray.direction, t_max)?;
-            Some((span.t_enter, AnyRay::Grid(grid.any_ray(&span))))
+/// Where a ray meets a medium: what is known before it is walked.
+enum Entry<'a> {
+    Grid(&'a GridMedium, Span),
+    Homogeneous(&'a HomogeneousMedium, f64, f32),
+}
+
+impl<'a> Entry<'a> {
+    #[inline]
+    fn new(medium: &'a Medium, ray: &Ray, t_max: f64) -> Option<Entry<'a>> {
+        match medium {
+            Medium::Grid(grid) => {
+                let span = grid.span(ray.origin, ray.direction, t_max)?;
+                Some(Entry::Grid(grid, span))
+            }
+            Medium::Homogeneous(medium) => {
+                let (t_enter, length) = medium.span(ray.origin, ray.direction, t_max)?;
+                Some(Entry::Homogeneous(medium, t_enter, length))
+            }
         }
-        Medium::Homogeneous(homogeneous) => {
-            let (t_enter, length) = homogeneous.span(ray.origin, ray.direction, t_max)?;
-            Some((t_enter, AnyRay::Homogeneous(homogeneous.ray(length))))
+    }
+
+    fn t(&self) -> f64 {
+        match self {
+            Entry::Grid(_, span) => span.t_enter,
+            Entry::Homogeneous(_, t, _) => *t,
+        }
+    }
+
+    #[inline]
+    fn field(&self) -> AnyRay<'a> {
+        match self {
+            Entry::Grid(grid, span) => AnyRay::Grid(grid.any_ray(span)),
+            Entry::Homogeneous(medium, _, length) => AnyRay::Homogeneous(medium.ray(*length)),
         }
     }
 }
+
+/// Media ahead, the nearest last.
+type Ahead<'a> = SmallVec<[(usize, Entry<'a>); 4]>;
 
 /// Transmittance of a grey homogeneous medium up to `t_max`: closed form; `None` for other media.
 fn closed_form(medium: &Medium, ray: &Ray, t_max: f64) -> Option<f32> {
@@ -135,7 +163,22 @@ fn endless(medium: &Medium, ray: &Ray, t_max: f64) -> bool {
             .is_some_and(|(_, length)| length == f32::INFINITY)
 }
 
-impl Overlapping<'_> {
+impl<'a> Overlapping<'a> {
+    /// The media of `met` that a ray meets, the nearest last.
+    #[inline]
+    fn ahead(&self, met: &Met, ray: &Ray, t_max: f64) -> Ahead<'a> {
+        let mut ahead: Ahead<'a> = SmallVec::new();
+        for &index in met {
+            let index = index as usize;
+            if let Some(entry) = Entry::new(&self.media[index], ray, t_max) {
+                ahead.push((index, entry));
+            }
+        }
+        // Media that begin at the same point are told apart by their number, whatever order the index found them in.
+        ahead.sort_unstable_by(|(i, a), (j, b)| b.t().total_cmp(&a.t()).then(j.cmp(i)));
+        ahead
+    }
+
     /// Transmittance of one medium, and the null probability that weights count with it.
     fn shadow<C: Channels, R: Rng>(
         &self,
@@ -162,6 +205,7 @@ impl Overlapping<'_> {
     fn fly_each<R: Rng>(
         &self,
         ray: &Ray,
+        mut ahead: Ahead<'_>,
         mut first: Option<f32>,
         flown: &mut Flown,
         rng: &mut R,
@@ -169,10 +213,13 @@ impl Overlapping<'_> {
     ) -> Option<Collision> {
         let mut nearest: Option<Collision> = None;
         let sampler = self.methods.distance;
-        for (index, medium) in self.media.iter().enumerate() {
-            let Some((t_enter, field)) = enter(medium, ray, f64::INFINITY) else {
-                continue;
-            };
+        while let Some((index, entry)) = ahead.pop() {
+            // What begins behind a collision does not concern this flight.
+            let t_enter = entry.t();
+            if nearest.is_some_and(|nearest| nearest.t < t_enter) {
+                break;
+            }
+            let (medium, field) = (&self.media[index], entry.field());
             let relative = medium.relative_extinction();
             let first = first.take();
             let (flight, null_probability) = if relative == Vec3::ONE {
@@ -202,8 +249,9 @@ impl Overlapping<'_> {
     }
 
     /// Light sampling takes these transmittances in closed form; path sampling had to survive them.
-    fn count_closed_forms(&self, ray: &Ray, flown: &mut Flown) {
-        for medium in self.media {
+    fn count_closed_forms(&self, met: &Met, ray: &Ray, flown: &mut Flown) {
+        for &index in met {
+            let medium = &self.media[index as usize];
             if let Some(transmittance) = closed_form(medium, ray, f64::INFINITY) {
                 flown.null_probability *= transmittance;
             }
@@ -220,29 +268,36 @@ impl Media for Overlapping<'_> {
         rng: &mut R,
         tally: &mut Tally,
     ) -> Option<Collision> {
+        let met = self.index.along(ray, f64::INFINITY);
+        let mut ahead = self.ahead(&met, ray, f64::INFINITY);
         if !matches!(self.methods.distance, DistanceSampler::Spectral | DistanceSampler::Delta) {
-            let collision = self.fly_each(ray, first, flown, rng, tally);
+            let collision = self.fly_each(ray, ahead, first, flown, rng, tally);
             if collision.is_none() {
-                self.count_closed_forms(ray, flown);
+                self.count_closed_forms(&met, ray, flown);
             }
             return collision;
         }
         let by_throughput = self.methods.distance == DistanceSampler::Spectral;
         let mut first = first;
         let mut walkers: SmallVec<[Walker; 4]> = SmallVec::new();
-        for (index, medium) in self.media.iter().enumerate() {
-            if let Some((t_enter, field)) = enter(medium, ray, f64::INFINITY) {
+        let collision = loop {
+            let nearest = (0..walkers.len()).min_by(|&a, &b| walkers[a].t().total_cmp(&walkers[b].t()));
+            let t = nearest.map_or(f64::INFINITY, |nearest| walkers[nearest].t());
+            // A medium is walked once the flight has come to where it begins.
+            if ahead.last().is_some_and(|(_, entry)| entry.t() <= t)
+                && let Some((index, entry)) = ahead.pop()
+            {
                 let depth = first.take().unwrap_or_else(|| exponential(rng));
-                let mut walk = TentativeCollisions::with_first(field, depth);
+                let mut walk = TentativeCollisions::with_first(entry.field(), depth);
                 let next = walk.next(rng);
+                let medium = &self.media[index];
                 let relative = medium.relative_extinction();
                 let weighted = self.methods.weigh_the_way() && !endless(medium, ray, f64::INFINITY);
-                walkers.push(Walker { medium: index, t_enter, relative, walk, weighted, next });
+                walkers.push(Walker { medium: index, t_enter: entry.t(), relative, walk, weighted, next });
+                continue;
             }
-        }
-        let collision = loop {
-            let nearest = walkers.iter_mut().min_by(|a, b| a.t().total_cmp(&b.t()));
-            let Some((walker, next)) = nearest.and_then(|w| w.next.map(|next| (w, next))) else {
+            let walker = nearest.map(|nearest| &mut walkers[nearest]);
+            let Some((walker, next)) = walker.and_then(|w| w.next.map(|next| (w, next))) else {
                 break None;
             };
             let sigma_t = walker.walk.sigma_t(next);
@@ -270,7 +325,7 @@ impl Media for Overlapping<'_> {
             tally.majorant_steps += walker.walk.field().steps();
         }
         if collision.is_none() {
-            self.count_closed_forms(ray, flown);
+            self.count_closed_forms(&met, ray, flown);
         }
         collision
     }
@@ -284,7 +339,8 @@ impl Media for Overlapping<'_> {
         tally: &mut Tally,
     ) -> Shadow {
         let mut shadow = Shadow::CLEAR;
-        for medium in self.media {
+        for index in self.index.along(ray, t_max) {
+            let medium = &self.media[index as usize];
             if let Some(factor) = closed_form(medium, ray, t_max) {
                 shadow.transmittance *= factor;
                 shadow.null_probability *= factor;
@@ -295,9 +351,10 @@ impl Media for Overlapping<'_> {
                 shadow.transmittance *= Spectrum::map(medium.relative_extinction(), clear);
                 continue;
             }
-            let Some((_, field)) = enter(medium, ray, t_max) else {
+            let Some(entry) = Entry::new(medium, ray, t_max) else {
                 continue;
             };
+            let field = entry.field();
             let relative = medium.relative_extinction();
             let (transmittance, null_probability) = if relative == Vec3::ONE {
                 let (t, n) = self.shadow(field, Grey, threshold, rng, tally);
@@ -315,7 +372,8 @@ impl Media for Overlapping<'_> {
     }
 
     fn scattering(&self, p_world: DVec3, mut visit: impl FnMut(Vec3, &Phase)) {
-        for medium in self.media {
+        for index in self.index.around(p_world) {
+            let medium = &self.media[index as usize];
             let sigma_t = medium.sigma_t_at(p_world) as f32;
             if sigma_t > 0.0 {
                 let sigma_t = medium.relative_extinction() * sigma_t;
@@ -326,7 +384,8 @@ impl Media for Overlapping<'_> {
 
     fn extent(&self, ray: &Ray) -> Option<(f64, f64)> {
         let mut hull: Option<(f64, f64)> = None;
-        for medium in self.media {
+        for index in self.index.along(ray, f64::INFINITY) {
+            let medium = &self.media[index as usize];
             if let Some((t0, t1)) = medium.extent(ray.origin, ray.direction) {
                 hull = Some(hull.map_or((t0, t1), |(a, b)| (a.min(t0), b.max(t1))));
             }

@@ -1,0 +1,240 @@
+//! Which media a ray may meet: a hierarchy of boxes over those that have bounds, so that a scene of many clouds costs what a ray
+//! meets.
+
+use super::Ray;
+use glam::{DVec3, Vec3A};
+use obvhs::aabb::Aabb;
+use obvhs::bvh2::Bvh2;
+use obvhs::bvh2::builder::build_bvh2;
+use obvhs::{Boundable, BvhBuildParams};
+use pileus_media::Medium;
+use smallvec::SmallVec;
+use std::fmt;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// Up to so many media every ray asks each: measured, a hierarchy pays from here on.
+const FEW: usize = 4;
+
+/// Share of the boxes' common extent by which each is padded: what rounding to single precision can move a ray or a face by.
+const PADDING: f64 = 1e-6;
+
+/// Media by number.
+pub(crate) type Met = SmallVec<[u32; 8]>;
+
+/// An index over a list of media.
+#[derive(Debug)]
+pub(crate) struct MediaIndex {
+    /// Media that every ray asks: all of a short list, those without bounds of a long one.
+    always: Met,
+    boxes: Option<Boxes>,
+}
+
+/// The media with bounds, of a long list.
+struct Boxes {
+    bvh: Bvh2,
+    /// Media by the order of the hierarchy's leaves.
+    media: Vec<u32>,
+    low: DVec3,
+    high: DVec3,
+}
+
+impl fmt::Debug for Boxes {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "Boxes of {} media", self.media.len())
+    }
+}
+
+struct Padded(Aabb);
+
+impl Boundable for Padded {
+    fn aabb(&self) -> Aabb {
+        self.0
+    }
+}
+
+impl MediaIndex {
+    pub(crate) fn new(media: &[Arc<Medium>]) -> MediaIndex {
+        let number = |i: usize| u32::try_from(i).unwrap_or(u32::MAX);
+        if media.len() <= FEW {
+            return MediaIndex { always: (0..media.len()).map(number).collect(), boxes: None };
+        }
+        let mut always = Met::new();
+        let mut bounded = Vec::new();
+        for (i, medium) in media.iter().enumerate() {
+            match medium.bounds_world() {
+                Some(bounds) => bounded.push((number(i), bounds)),
+                None if matches!(**medium, Medium::Homogeneous(_)) => always.push(number(i)),
+                // An empty grid.
+                None => {}
+            }
+        }
+        let all = bounded.iter().map(|(_, b)| *b).reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)));
+        let Some((low, high)) = all else {
+            return MediaIndex { always, boxes: None };
+        };
+        let (centre, padding) = (0.5 * (low + high), PADDING * (high - low).max_element());
+        let boxes: Vec<Padded> = bounded
+            .iter()
+            .map(|(_, (low, high))| {
+                let corner = |p: DVec3| Vec3A::from((p - centre).as_vec3());
+                Padded(Aabb::new(corner(*low - padding), corner(*high + padding)))
+            })
+            .collect();
+        let bvh = build_bvh2(&boxes, BvhBuildParams::medium_build(), &mut Duration::default());
+        let media = bvh
+            .primitive_indices
+            .iter()
+            .filter_map(|&i| bounded.get(i as usize).map(|(medium, _)| *medium))
+            .collect();
+        MediaIndex { always, boxes: Some(Boxes { bvh, media, low, high }) }
+    }
+
+    /// The media that `ray` may meet up to `t_max`; some of them it may miss. In no order.
+    #[inline]
+    pub(crate) fn along(&self, ray: &Ray, t_max: f64) -> Met {
+        let mut met = self.always.clone();
+        if let Some(boxes) = &self.boxes {
+            boxes.along(ray, t_max, &mut met);
+        }
+        met
+    }
+
+    /// The media that may hold a point.
+    pub(crate) fn around(&self, p_world: DVec3) -> Met {
+        let mut met = self.always.clone();
+        if let Some(Boxes { bvh, media, low, high }) = &self.boxes {
+            let p = Vec3A::from((p_world - 0.5 * (*low + *high)).as_vec3());
+            bvh.point_traverse(p, |bvh, node| {
+                let node = &bvh.nodes[node as usize];
+                let first = node.first_index as usize;
+                met.extend_from_slice(&media[first..first + node.prim_count as usize]);
+                true
+            });
+        }
+        met
+    }
+}
+
+impl Boxes {
+    fn along(&self, ray: &Ray, t_max: f64, met: &mut Met) {
+        let d = ray.direction.as_dvec3();
+        // From where the ray enters the common box on, so that its origin is no further off than the boxes are.
+        let (mut t0, mut t1) = (0.0f64, t_max);
+        let size = (self.high - self.low).max_element();
+        for axis in 0..3 {
+            let (low, high) = (self.low[axis] - PADDING * size, self.high[axis] + PADDING * size);
+            let o = ray.origin[axis];
+            if d[axis] == 0.0 {
+                if o < low || o > high {
+                    return;
+                }
+                continue;
+            }
+            let (a, b) = ((low - o) / d[axis], (high - o) / d[axis]);
+            t0 = t0.max(a.min(b));
+            t1 = t1.min(a.max(b));
+        }
+        // Also false for NaN.
+        if !(t0 < t1) {
+            return;
+        }
+        let origin = ray.origin + d * t0 - 0.5 * (self.low + self.high);
+        let direction = Vec3A::from(ray.direction);
+        // Along an axis a ray stays within its slab or outside, however far it goes.
+        let inverse = |d: f32| 1.0 / if d.abs() < 1e-30 { 1e-30f32.copysign(d) } else { d };
+        let ray = obvhs::ray::Ray {
+            origin: origin.as_vec3().into(),
+            direction,
+            inv_direction: Vec3A::from(direction.to_array().map(inverse)),
+            tmin: 0.0,
+            tmax: (t1 - t0) as f32 * (1.0 + 1e-6) + (PADDING * size) as f32,
+        };
+        self.bvh.ray_traverse_anyhit(ray, |_, leaf| met.extend(self.media.get(leaf).copied()));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::Vec3;
+    use pileus_media::random::uniform;
+    use pileus_media::{HomogeneousMedium, Phase};
+    use rand_pcg::Pcg32;
+
+    fn boxes(n: usize, spread: f64, size: f64, offset: DVec3, rng: &mut Pcg32) -> Vec<Arc<Medium>> {
+        let u = |rng: &mut Pcg32| f64::from(uniform(rng));
+        (0..n)
+            .map(|_| {
+                let low = offset + DVec3::new(u(rng), u(rng), u(rng)) * spread;
+                let bounds = Some((low, low + size * (0.1 + u(rng))));
+                let phase = Phase::Isotropic;
+                let medium = HomogeneousMedium::new([1.0; 3], bounds, [0.5; 3], phase).unwrap();
+                Arc::new(Medium::Homogeneous(medium))
+            })
+            .collect()
+    }
+
+    /// Every medium with a span on the ray, or that holds the point, is found: no hit is lost to single precision, along axes, from far
+    /// away, far from the origin.
+    #[test]
+    fn nothing_is_missed() {
+        let mut rng = Pcg32::new(3, 3);
+        for (spread, size) in [(10.0, 1.0), (1e4, 1e-2), (1.0, 3.0), (1e6, 1e5)] {
+            for offset in [DVec3::ZERO, DVec3::splat(1e6), DVec3::new(-3e7, 0.0, 5.0)] {
+                let mut media = boxes(150, spread, size, offset, &mut rng);
+                let fog = HomogeneousMedium::new([0.1; 3], None, [0.5; 3], Phase::Isotropic);
+                media.push(Arc::new(Medium::Homogeneous(fog.unwrap())));
+                let index = MediaIndex::new(&media);
+                let mut hits = 0;
+                for kind in 0..4000 {
+                    let mut at = || {
+                        let target = &media[(uniform(&mut rng) * 150.0) as usize];
+                        let (low, high) = target.bounds_world().unwrap();
+                        let u = DVec3::new(0.0, 0.0, 0.0)
+                            .map(|_| f64::from(uniform(&mut rng)));
+                        low + (high - low) * u
+                    };
+                    let (from, to) = (at(), at());
+                    let direction = match kind % 4 {
+                        0 => Vec3::AXES[kind / 4 % 3],
+                        1 => -Vec3::AXES[kind / 4 % 3],
+                        _ => (to - from).normalize().as_vec3(),
+                    };
+                    let direction = if direction.is_finite() { direction } else { Vec3::X };
+                    let back = if kind % 3 == 0 { 100.0 * spread } else { 0.0 };
+                    let origin = from - direction.as_dvec3() * back;
+                    let t_max = if kind % 5 == 0 { back + spread * 0.1 } else { f64::INFINITY };
+                    let ray = Ray { origin, direction };
+                    let met = index.along(&ray, t_max);
+                    for (i, medium) in media.iter().enumerate() {
+                        let Medium::Homogeneous(medium) = &**medium else { unreachable!() };
+                        if medium.span(origin, direction, t_max).is_some() {
+                            hits += 1;
+                            assert_eq!(met.iter().filter(|m| **m == i as u32).count(), 1);
+                        }
+                        if medium.sigma_t_at(from) > 0.0 {
+                            assert!(index.around(from).contains(&(i as u32)));
+                        }
+                    }
+                }
+                assert!(hits > 8000);
+            }
+        }
+    }
+
+    /// A ray that meets few of many boxes asks few.
+    #[test]
+    fn what_is_far_is_not_asked() {
+        let mut rng = Pcg32::new(4, 4);
+        let media = boxes(1000, 100.0, 1.0, DVec3::ZERO, &mut rng);
+        let index = MediaIndex::new(&media);
+        let mut asked = 0;
+        for _ in 0..1000 {
+            let origin = DVec3::new(f64::from(uniform(&mut rng)), 0.5, 0.5) * 100.0;
+            let direction = Vec3::new(1.0, uniform(&mut rng), uniform(&mut rng)).normalize();
+            asked += index.along(&Ray { origin, direction }, f64::INFINITY).len();
+        }
+        assert!(asked < 2000, "{asked}");
+    }
+}
