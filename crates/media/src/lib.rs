@@ -29,7 +29,7 @@ pub use majorant::{
     Adaptive, AnyPartition, COLLISION_COST, Cell, GridRay, Hierarchy, MajorantStructure, Majorants,
     Partition, STEP_COST, StructureCost,
 };
-pub use medium::{Albedo, AnyGridRay, GridMedium, Medium, Span, VoxelKernel};
+pub use medium::{Albedo, AnyGridRay, FieldKernel, GridMedium, Medium, Span, VoxelKernel};
 pub use phase::Phase;
 pub use tally::Tally;
 pub use transmittance::optical_depth;

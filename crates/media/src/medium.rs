@@ -309,6 +309,16 @@ impl GridMedium {
         }
     }
 
+    /// Calls `kernel` with the ray field of a span, compiled for each voxel type on the structure that every medium has by default.
+    #[inline(always)]
+    pub fn with_ray<K: FieldKernel>(&self, span: &Span, kernel: K) -> K::Output {
+        match self.any_ray(span) {
+            AnyGridRay::Half(ray) => kernel.run(ray),
+            AnyGridRay::Single(ray) => kernel.run(ray),
+            other => kernel.run(other),
+        }
+    }
+
     /// Calls `kernel` with the voxels in their type: the one place where precision is chosen.
     #[inline(always)]
     pub fn with_voxels<K: VoxelKernel>(&self, kernel: K) -> K::Output {
@@ -325,6 +335,14 @@ pub trait VoxelKernel {
     type Output;
     /// Runs on voxels of type `V`.
     fn run<V: Voxel>(self, voxels: &[V]) -> Self::Output;
+}
+
+/// Code that is compiled for each kind of field.
+pub trait FieldKernel {
+    /// What it returns.
+    type Output;
+    /// Runs on a field.
+    fn run<F: RayField>(self, field: F) -> Self::Output;
 }
 
 /// A ray through a grid of either voxel type and any majorant structure, for code that is not compiled for each.

@@ -81,7 +81,9 @@ impl MediaIndex {
                 Padded(Aabb::new(corner(*low - padding), corner(*high + padding)))
             })
             .collect();
-        let bvh = build_bvh2(&boxes, BvhBuildParams::medium_build(), &mut Duration::default());
+        // A medium is dearer to ask than a box.
+        let parameters = BvhBuildParams { max_prims_per_leaf: 1, ..BvhBuildParams::medium_build() };
+        let bvh = build_bvh2(&boxes, parameters, &mut Duration::default());
         let media = bvh
             .primitive_indices
             .iter()

@@ -8,11 +8,14 @@
 
 use super::{Collision, Flown, Media, MediaIndex, Met, Methods, Ray, Shadow};
 use glam::{DVec3, Vec3};
-use pileus_media::distance::{DistanceSampler, Flight, real_probability};
+use pileus_media::distance::{
+    DistanceSampler, Flight, WeightedFlight, delta_tracking, delta_tracking_by_mean, real_probability,
+    spectral_tracking,
+};
 use pileus_media::random::{exponential, uniform};
-use pileus_media::transmittance::{Estimator, ratio_tracking_with_roulette};
+use pileus_media::transmittance::{Estimator, RatioEstimate, ratio_tracking_with_roulette};
 use pileus_media::{
-    AnyGridRay, Channels, ExactField, Grey, GridMedium, HomogeneousMedium, HomogeneousRay, MajorantSegment, Medium, Phase,
+    AnyGridRay, Channels, ExactField, FieldKernel, Grey, GridMedium, HomogeneousMedium, HomogeneousRay, MajorantSegment, Medium, Phase,
     RayField, Relative, Span, Spectrum, Tally, Tentative, TentativeCollisions,
 };
 use rand_core::Rng;
@@ -119,6 +122,23 @@ impl<'a> Entry<'a> {
         }
     }
 
+    /// Where the ray leaves.
+    fn t_exit(&self) -> f64 {
+        match self {
+            Entry::Grid(_, span) => span.t_enter + f64::from(span.length),
+            Entry::Homogeneous(_, t, length) => t + f64::from(*length),
+        }
+    }
+
+    /// Calls `kernel` with the field, compiled for its kind.
+    #[inline(always)]
+    fn with_field<K: FieldKernel>(&self, kernel: K) -> K::Output {
+        match self {
+            Entry::Grid(grid, span) => grid.with_ray(span, kernel),
+            Entry::Homogeneous(medium, _, length) => kernel.run(medium.ray(*length)),
+        }
+    }
+
     fn t(&self) -> f64 {
         match self {
             Entry::Grid(_, span) => span.t_enter,
@@ -163,6 +183,58 @@ fn endless(medium: &Medium, ray: &Ray, t_max: f64) -> bool {
             .is_some_and(|(_, length)| length == f32::INFINITY)
 }
 
+/// A flight through one field.
+struct FlyAlone<'r, R> {
+    /// Majorant depth of the first collision.
+    depth: f32,
+    beta: Vec3,
+    /// Extinction of the channels, if it differs.
+    relative: Option<Vec3>,
+    by_throughput: bool,
+    rng: &'r mut R,
+    tally: &'r mut Tally,
+}
+
+impl<R: Rng> FieldKernel for FlyAlone<'_, R> {
+    type Output = WeightedFlight<Vec3>;
+
+    #[inline(always)]
+    fn run<F: RayField>(self, field: F) -> WeightedFlight<Vec3> {
+        let FlyAlone { depth, beta, relative, by_throughput, rng, tally } = self;
+        let walk = TentativeCollisions::with_first(field, depth);
+        match relative {
+            None => {
+                let mut null_probability = 1.0;
+                let flight = delta_tracking(walk, rng, tally, |p| null_probability *= p);
+                WeightedFlight { flight, weight: Vec3::ONE, null_probability }
+            }
+            Some(relative) if by_throughput => {
+                spectral_tracking(walk, Relative(relative), beta, rng, tally)
+            }
+            Some(relative) => delta_tracking_by_mean(walk, Relative(relative), rng, tally),
+        }
+    }
+}
+
+/// Ratio tracking through one field.
+struct ShadowAlone<'r, C, R> {
+    channels: C,
+    threshold: f32,
+    rng: &'r mut R,
+    tally: &'r mut Tally,
+}
+
+impl<C: Channels, R: Rng> FieldKernel for ShadowAlone<'_, C, R> {
+    type Output = RatioEstimate<C::Value>;
+
+    #[inline(always)]
+    fn run<F: RayField>(self, field: F) -> RatioEstimate<C::Value> {
+        let ShadowAlone { channels, threshold, rng, tally } = self;
+        let walk = TentativeCollisions::new(field);
+        ratio_tracking_with_roulette(walk, channels, threshold, rng, tally)
+    }
+}
+
 impl<'a> Overlapping<'a> {
     /// The media of `met` that a ray meets, the nearest last.
     #[inline]
@@ -180,9 +252,10 @@ impl<'a> Overlapping<'a> {
     }
 
     /// Transmittance of one medium, and the null probability that weights count with it.
+    #[inline]
     fn shadow<C: Channels, R: Rng>(
         &self,
-        field: AnyRay<'_>,
+        entry: &Entry<'_>,
         channels: C,
         threshold: f32,
         rng: &mut R,
@@ -190,14 +263,43 @@ impl<'a> Overlapping<'a> {
     ) -> (C::Value, C::Value) {
         let known = self.methods.weigh_the_way();
         if self.methods.transmittance == Estimator::Ratio {
-            let walk = TentativeCollisions::new(field);
-            let estimate = ratio_tracking_with_roulette(walk, channels, threshold, rng, tally);
+            let estimate = entry.with_field(ShadowAlone { channels, threshold, rng, tally });
             let nulls = if known { estimate.null_probability } else { C::Value::ONE };
             return (estimate.transmittance, nulls);
         }
-        let estimator = self.methods.transmittance;
+        let (estimator, field) = (self.methods.transmittance, entry.field());
         let transmittance = estimator.estimate(field, channels, threshold, rng, tally);
         (transmittance, if known { transmittance } else { C::Value::ONE })
+    }
+
+    /// A flight through a medium that no other overlaps.
+    #[inline]
+    fn fly_alone<R: Rng>(
+        &self,
+        ray: &Ray,
+        (index, entry): (usize, Entry<'_>),
+        first: Option<f32>,
+        flown: &mut Flown,
+        rng: &mut R,
+        tally: &mut Tally,
+    ) -> Option<Collision> {
+        let medium = &self.media[index];
+        let by_throughput = self.methods.distance == DistanceSampler::Spectral;
+        let relative = medium.relative_extinction();
+        let depth = first.unwrap_or_else(|| exponential(rng));
+        let (beta, relative) = (flown.beta, (relative != Vec3::ONE).then_some(relative));
+        let flight =
+            entry.with_field(FlyAlone { depth, beta, relative, by_throughput, rng, tally });
+        flown.beta *= flight.weight;
+        if self.methods.weigh_the_way() && !endless(medium, ray, f64::INFINITY) {
+            flown.null_probability *= flight.null_probability;
+        }
+        match flight.flight {
+            Flight::Collision(t) => {
+                Some(Collision { t: entry.t() + f64::from(t), medium: index })
+            }
+            Flight::Escape => None,
+        }
     }
 
     /// Every sampler but those that take the collisions of all media in order: each medium flies alone, the nearest collision wins, and the
@@ -277,8 +379,20 @@ impl Media for Overlapping<'_> {
             }
             return collision;
         }
-        let by_throughput = self.methods.distance == DistanceSampler::Spectral;
         let mut first = first;
+        // One after the other, as long as none overlaps the next.
+        while let Some((index, entry)) = ahead.pop() {
+            if ahead.last().is_some_and(|(_, next)| next.t() < entry.t_exit()) {
+                ahead.push((index, entry));
+                break;
+            }
+            let collision =
+                self.fly_alone(ray, (index, entry), first.take(), flown, rng, tally);
+            if collision.is_some() {
+                return collision;
+            }
+        }
+        let by_throughput = self.methods.distance == DistanceSampler::Spectral;
         let mut walkers: SmallVec<[Walker; 4]> = SmallVec::new();
         let collision = loop {
             let nearest = (0..walkers.len()).min_by(|&a, &b| walkers[a].t().total_cmp(&walkers[b].t()));
@@ -354,13 +468,12 @@ impl Media for Overlapping<'_> {
             let Some(entry) = Entry::new(medium, ray, t_max) else {
                 continue;
             };
-            let field = entry.field();
             let relative = medium.relative_extinction();
             let (transmittance, null_probability) = if relative == Vec3::ONE {
-                let (t, n) = self.shadow(field, Grey, threshold, rng, tally);
+                let (t, n) = self.shadow(&entry, Grey, threshold, rng, tally);
                 (Vec3::splat(t), Vec3::splat(n))
             } else {
-                self.shadow(field, Relative(relative), threshold, rng, tally)
+                self.shadow(&entry, Relative(relative), threshold, rng, tally)
             };
             shadow.transmittance *= transmittance;
             shadow.null_probability *= null_probability;
