@@ -1,7 +1,7 @@
 //! A few paths ahead of a render: which rays it will walk, and what a majorant structure would cost on them.
 //!
-//! The rays hold what no formula knows: how often light scatters where. On them the cost of any structure is an integral: the majorants' optical depth is the expected
-//! number of tentative collisions, the cells on the way are the steps.
+//! The rays hold what no formula knows: how often light scatters where. On a flight the cost of any structure is an integral: the majorants' optical depth is the expected
+//! number of tentative collisions, the cells on the way are the steps. Shadow rays, whose roulette ends them, are walked once.
 
 use crate::Error;
 use crate::counters::Counters;
@@ -12,9 +12,13 @@ use crate::plan::{Plan, PlannedMedia};
 use crate::sampler::PathSampler;
 use crate::settings::RenderSettings;
 use glam::{DVec3, Vec3};
-use pileus_media::{MajorantStructure, Medium, Phase, RayField, StructureCost, Tally};
+use pileus_media::transmittance::ratio_tracking_with_roulette;
+use pileus_media::{
+    MajorantStructure, Medium, Phase, RayField, Relative, StructureCost, Tally, TentativeCollisions,
+};
 use pileus_scene::Scene;
 use rand_core::Rng;
+use rand_pcg::Pcg32;
 use rayon::prelude::*;
 use std::sync::{Arc, Mutex};
 
@@ -168,13 +172,14 @@ impl Pilot {
 
     /// The same for media as they are.
     pub(crate) fn cost_on(&self, planned: &PlannedMedia) -> StructureCost {
-        let of_ray = |ray: &PilotRay| {
+        let of_ray = |(number, ray): (usize, &PilotRay)| {
             let PilotRay { origin, direction, .. } = *ray;
             let met = planned.index.along(&Ray { origin, direction }, ray.length);
-            met.iter().fold((0.0, 0.0), |sum, &i| add(sum, walk(&planned.media[i as usize], ray)))
+            let walk = |i: u32| walk(&planned.media[i as usize], ray, number as u64);
+            met.iter().fold((0.0, 0.0), |sum, &i| add(sum, walk(i)))
         };
         let sums: Vec<(f64, f64)> =
-            self.rays.par_iter().with_min_len(64).map(of_ray).collect();
+            self.rays.par_iter().enumerate().with_min_len(64).map(of_ray).collect();
         let (steps, collisions) = sums.into_iter().fold((0.0, 0.0), add);
         let paths = self.paths as f64;
         StructureCost { steps: steps / paths, collisions: collisions / paths }
@@ -185,8 +190,9 @@ fn add(a: (f64, f64), b: (f64, f64)) -> (f64, f64) {
     (a.0 + b.0, a.1 + b.1)
 }
 
-/// Steps and expected tentative collisions of one ray in one medium.
-fn walk(medium: &Medium, ray: &PilotRay) -> (f64, f64) {
+/// Steps and tentative collisions of ray number `number` in one medium: expected ones of a flight, those of one walk of a shadow ray, whose roulette
+/// depends on the collisions themselves.
+fn walk(medium: &Medium, ray: &PilotRay, number: u64) -> (f64, f64) {
     let Medium::Grid(grid) = medium else {
         // Homogeneous media: real collisions alone, shadow rays in closed form.
         return (0.0, 0.0);
@@ -195,26 +201,16 @@ fn walk(medium: &Medium, ray: &PilotRay) -> (f64, f64) {
         return (0.0, 0.0);
     };
     let mut field = grid.any_ray(&span);
-    let (mut steps, mut collisions, mut depth) = (0.0, 0.0, 0.0f64);
-    let mut walked = 0;
-    while let Some(segment) = field.next_segment() {
-        // The share of shadow walks that roulette has left so far.
-        let alive = if ray.threshold > 0.0 {
-            ((-depth).exp() / f64::from(ray.threshold)).min(1.0)
-        } else {
-            1.0
-        };
-        let length = f64::from(segment.t1 - segment.t0);
-        collisions += alive * length * f64::from(segment.majorant);
-        steps += alive * (field.steps() - walked) as f64;
-        walked = field.steps();
-        if ray.threshold > 0.0 {
-            let at = |u: f32| f64::from(field.sigma_t(segment.t0 + (segment.t1 - segment.t0) * u));
-            depth += 0.5 * length * (at(0.211_324_87) + at(0.788_675_13));
-            if alive < 1e-4 {
-                return (steps, collisions);
-            }
-        }
+    if ray.threshold > 0.0 {
+        let mut rng = Pcg32::new(number, 0x9b1);
+        let (walk, mut tally) = (TentativeCollisions::new(field), Tally::default());
+        let channels = Relative(grid.relative_extinction());
+        ratio_tracking_with_roulette(walk, channels, ray.threshold, &mut rng, &mut tally);
+        return (tally.majorant_steps as f64, tally.lookups as f64);
     }
-    (steps + (field.steps() - walked) as f64, collisions)
+    let mut collisions = 0.0;
+    while let Some(segment) = field.next_segment() {
+        collisions += f64::from(segment.t1 - segment.t0) * f64::from(segment.majorant);
+    }
+    (field.steps() as f64, collisions)
 }

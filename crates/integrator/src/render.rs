@@ -137,7 +137,8 @@ fn dispatch<J: Job>(
     if let (KernelKind::SingleGrey, [medium]) = (plan.kernel, media)
         && let Medium::Grid(medium) = &**medium
     {
-        let own = medium.majorants().structure() == MajorantStructure::Adaptive;
+        let own = medium.majorants().structure() == MajorantStructure::Adaptive
+            && !settings.shared_kernel;
         let single = Single { medium, plan, scene, lights, max_bounces, typical_sigma_t, job };
         return if own {
             medium.with_voxels(On::<_, DefaultStructure>(single, PhantomData))

@@ -91,6 +91,9 @@ pub struct RenderSettings {
     pub majorants: MajorantStructure,
     /// Factor on the majorants of grids: 1 unless an experiment wants them looser (above) or broken (below).
     pub majorant_scale: f32,
+    /// Whether the default majorants run in the kernel that all structures share, which branches per step, instead of their own: to compare
+    /// structures by equal means.
+    pub shared_kernel: bool,
     /// Which techniques find light that both can meet.
     pub light_sampling: LightSampling,
     /// Edge of the tiles that threads take, pixels. No influence on the image.
@@ -108,6 +111,7 @@ impl Default for RenderSettings {
             distance: Distance::Auto,
             majorants: MajorantStructure::default(),
             majorant_scale: 1.0,
+            shared_kernel: false,
             light_sampling: LightSampling::Both,
             tile_size: 16,
         }

@@ -193,8 +193,7 @@ mod tests {
                     let mut at = || {
                         let target = &media[(uniform(&mut rng) * 150.0) as usize];
                         let (low, high) = target.bounds_world().unwrap();
-                        let u = DVec3::new(0.0, 0.0, 0.0)
-                            .map(|_| f64::from(uniform(&mut rng)));
+                        let u = DVec3::new(0.0, 0.0, 0.0).map(|_| f64::from(uniform(&mut rng)));
                         low + (high - low) * u
                     };
                     let (from, to) = (at(), at());

@@ -9,14 +9,15 @@
 use super::{Collision, Flown, Media, MediaIndex, Met, Methods, Ray, Shadow};
 use glam::{DVec3, Vec3};
 use pileus_media::distance::{
-    DistanceSampler, Flight, WeightedFlight, delta_tracking, delta_tracking_by_mean, real_probability,
-    spectral_tracking,
+    DistanceSampler, Flight, WeightedFlight, delta_tracking, delta_tracking_by_mean,
+    real_probability, spectral_tracking,
 };
 use pileus_media::random::{exponential, uniform};
 use pileus_media::transmittance::{Estimator, RatioEstimate, ratio_tracking_with_roulette};
 use pileus_media::{
-    AnyGridRay, Channels, ExactField, FieldKernel, Grey, GridMedium, HomogeneousMedium, HomogeneousRay, MajorantSegment, Medium, Phase,
-    RayField, Relative, Span, Spectrum, Tally, Tentative, TentativeCollisions,
+    AnyGridRay, Channels, ExactField, FieldKernel, Grey, GridMedium, HomogeneousMedium,
+    HomogeneousRay, MajorantSegment, Medium, Phase, RayField, Relative, Span, Spectrum, Tally,
+    Tentative, TentativeCollisions,
 };
 use rand_core::Rng;
 use smallvec::SmallVec;
@@ -295,9 +296,7 @@ impl<'a> Overlapping<'a> {
             flown.null_probability *= flight.null_probability;
         }
         match flight.flight {
-            Flight::Collision(t) => {
-                Some(Collision { t: entry.t() + f64::from(t), medium: index })
-            }
+            Flight::Collision(t) => Some(Collision { t: entry.t() + f64::from(t), medium: index }),
             Flight::Escape => None,
         }
     }
@@ -386,8 +385,7 @@ impl Media for Overlapping<'_> {
                 ahead.push((index, entry));
                 break;
             }
-            let collision =
-                self.fly_alone(ray, (index, entry), first.take(), flown, rng, tally);
+            let collision = self.fly_alone(ray, (index, entry), first.take(), flown, rng, tally);
             if collision.is_some() {
                 return collision;
             }
@@ -395,7 +393,8 @@ impl Media for Overlapping<'_> {
         let by_throughput = self.methods.distance == DistanceSampler::Spectral;
         let mut walkers: SmallVec<[Walker; 4]> = SmallVec::new();
         let collision = loop {
-            let nearest = (0..walkers.len()).min_by(|&a, &b| walkers[a].t().total_cmp(&walkers[b].t()));
+            let nearest =
+                (0..walkers.len()).min_by(|&a, &b| walkers[a].t().total_cmp(&walkers[b].t()));
             let t = nearest.map_or(f64::INFINITY, |nearest| walkers[nearest].t());
             // A medium is walked once the flight has come to where it begins.
             if ahead.last().is_some_and(|(_, entry)| entry.t() <= t)
@@ -407,7 +406,14 @@ impl Media for Overlapping<'_> {
                 let medium = &self.media[index];
                 let relative = medium.relative_extinction();
                 let weighted = self.methods.weigh_the_way() && !endless(medium, ray, f64::INFINITY);
-                walkers.push(Walker { medium: index, t_enter: entry.t(), relative, walk, weighted, next });
+                walkers.push(Walker {
+                    medium: index,
+                    t_enter: entry.t(),
+                    relative,
+                    walk,
+                    weighted,
+                    next,
+                });
                 continue;
             }
             let walker = nearest.map(|nearest| &mut walkers[nearest]);

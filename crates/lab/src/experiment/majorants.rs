@@ -27,8 +27,18 @@ fn structures() -> Vec<MajorantStructure> {
     structures
 }
 
+fn name_of(run: &Run) -> String {
+    if run.own_kernel {
+        format!("{}, own kernel", run.structure.name())
+    } else {
+        run.structure.name()
+    }
+}
+
 struct Run {
     structure: MajorantStructure,
+    /// Whether it runs a kernel compiled for it alone.
+    own_kernel: bool,
     predicted: StructureCost,
     settings: RenderSettings,
     plan: Plan,
@@ -62,12 +72,28 @@ pub fn chart_majorants(
     };
     let mut notes = vec![format!(
         "Predicted: the majorants' optical depth and the cells along the rays of {PILOT_PATHS} pilot paths, traced once under the default structure. Measured: what whole \
-         renders counted. Structures take turns. Times are of all threads, per path; the adaptive structure has a kernel compiled for it, the others share one with a branch per step. \
-         Delta and ratio tracking."
+         renders counted. Structures take turns. Times are of all threads, per path. `adaptive, own kernel` is what renders run, compiled for it; all other rows share one kernel with a branch per step, so that they \
+         compare structures alone. Delta and ratio tracking."
     )];
+    for volume in &scene.volumes {
+        if let Medium::Grid(grid) = &*volume.medium {
+            let report = grid.grid().report();
+            notes.push(format!(
+                "Bounds of `{}`: {:.1} % of the bytes of its {} voxels; above bricks they took {:.2} ms of {:.1} ms to lay out the grid.",
+                volume.name,
+                100.0 * report.bytes_bounds as f64 / report.bytes_voxels as f64,
+                report.voxels,
+                1e3 * report.seconds_bounds,
+                1e3 * report.seconds,
+            ));
+        }
+    }
     let mut runs = Vec::new();
-    for structure in structures() {
-        let settings = RenderSettings { majorants: structure, ..base.clone() };
+    let default = MajorantStructure::default();
+    let own = std::iter::once((default, true));
+    for (structure, own_kernel) in own.chain(structures().into_iter().map(|s| (s, false))) {
+        let settings =
+            RenderSettings { majorants: structure, shared_kernel: !own_kernel, ..base.clone() };
         match Plan::new(scene, &settings) {
             Err(error) => notes.push(format!("Left out: {}: {error}", structure.name())),
             Ok(plan) => {
@@ -85,6 +111,7 @@ pub fn chart_majorants(
                 let counters = Counters::default();
                 runs.push(Run {
                     structure,
+                    own_kernel,
                     predicted,
                     settings,
                     plan,
@@ -119,20 +146,21 @@ pub fn chart_majorants(
         "ratio of steps",
         "lookups/real collision",
         "ns/path",
-        "against the default",
+        "against adaptive",
         "cells",
         "bytes",
         "build s",
     ]);
     let nanoseconds = |run: &Run| 1e9 * run.seconds / run.counters.paths as f64;
-    let default = runs.first().map_or(f64::NAN, nanoseconds);
+    let adaptive = runs.iter().find(|run| run.structure == default && !run.own_kernel);
+    let adaptive = adaptive.map_or(f64::NAN, nanoseconds);
     let (mut predicted, mut measured) = (Vec::new(), Vec::new());
     for run in &runs {
         let paths = run.counters.paths as f64;
         let (lookups, steps) =
             (run.counters.lookups as f64 / paths, run.counters.majorant_steps as f64 / paths);
         table.push(vec![
-            run.structure.name().into(),
+            name_of(run).into(),
             lookups.into(),
             run.predicted.collisions.into(),
             (run.predicted.collisions / lookups).into(),
@@ -141,19 +169,19 @@ pub fn chart_majorants(
             (run.predicted.steps / steps).into(),
             (run.counters.lookups as f64 / run.counters.collisions as f64).into(),
             nanoseconds(run).into(),
-            (nanoseconds(run) / default).into(),
+            (nanoseconds(run) / adaptive).into(),
             Cell::Count(run.cells),
             Cell::Count(run.bytes),
             run.build.into(),
         ]);
-        predicted.push((run.structure, run.predicted.nanoseconds()));
-        measured.push((run.structure, nanoseconds(run)));
+        predicted.push((run.structure, name_of(run), run.predicted.nanoseconds()));
+        measured.push((run.structure, name_of(run), nanoseconds(run)));
     }
-    let series = |points: &[(MajorantStructure, f64)], what: &str| {
+    let series = |points: &[(MajorantStructure, String, f64)], what: &str| {
         let mut series = Vec::new();
         let sizes: Vec<[f64; 2]> = points
             .iter()
-            .filter_map(|(s, y)| match s {
+            .filter_map(|(s, _, y)| match s {
                 MajorantStructure::Uniform(size) => Some([f64::from(*size), *y]),
                 _ => None,
             })
@@ -165,14 +193,10 @@ pub fn chart_majorants(
         });
         let (first, last) =
             (sizes.first().map_or(4.0, |p| p[0]), sizes.last().map_or(128.0, |p| p[0]));
-        for (structure, y) in points {
+        for (structure, name, y) in points {
             if !matches!(structure, MajorantStructure::Uniform(_)) {
                 let points = vec![[first, *y], [last, *y]];
-                series.push(Series {
-                    name: format!("{}, {what}", structure.name()),
-                    points,
-                    line: true,
-                });
+                series.push(Series { name: format!("{name}, {what}"), points, line: true });
             }
         }
         series

@@ -6,10 +6,10 @@
 
 /// Nanoseconds of a step from cell to cell. Measured (`docs/charts/majorants.md`); only the ratio of the two matters. They are constants of the program and not
 /// measured where it runs: the image depends on the cells, and must be the same on every machine.
-pub const STEP_COST: f32 = 40.0;
+pub const STEP_COST: f32 = 50.0;
 
 /// Nanoseconds of a tentative collision: an exponential variate, a lookup, a decision.
-pub const COLLISION_COST: f32 = 60.0;
+pub const COLLISION_COST: f32 = 50.0;
 
 /// Expected cost of a structure on given rays.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
