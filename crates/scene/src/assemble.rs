@@ -1,6 +1,7 @@
 //! Puts a scene together from files and from what a job says.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::time::Instant;
 
 use glam::{DAffine3, DVec3};
@@ -9,9 +10,10 @@ use pileus_media::Medium;
 use crate::camera::{Camera, corners};
 use crate::environment::Environment;
 use crate::error::{Error, Place};
-use crate::gltf::{self, GltfCamera, GltfScene};
+use crate::gltf::{self, GltfCamera, GltfScene, GltfSurfaces};
 use crate::light::Light;
 use crate::sky::default_sky;
+use crate::surface::{GlassRule, Surfaces};
 use crate::volume::{
     DefaultScale, UnrenderedEmission, Volume, VolumeLoader, VolumeRequest, VolumeSource,
 };
@@ -24,6 +26,8 @@ pub struct Scene {
     pub camera: Camera,
     /// The participating media; they may overlap.
     pub volumes: Vec<Volume>,
+    /// Triangles with their materials; `None` if there are none.
+    pub surfaces: Option<Arc<Surfaces>>,
     /// Lights without extent.
     pub lights: Vec<Light>,
     /// Light from all around.
@@ -51,14 +55,16 @@ pub struct SceneRequest<'a> {
     pub resolution: Option<[u32; 2]>,
     /// The extinction of a grid value of 1 in `volumes` that do not say.
     pub default_scale: DefaultScale,
+    /// What surfaces of glass bound.
+    pub glass_rule: GlassRule,
 }
 
 /// Which camera to use.
 #[derive(Debug, Clone, PartialEq)]
 pub enum CameraRequest {
-    /// The first camera of the glTF file, or one that frames the volumes.
+    /// The first camera of the glTF file, or one that frames volumes and surfaces.
     Auto {
-        /// Vertical opening angle in degrees of a camera that frames the volumes.
+        /// Vertical opening angle in degrees of a camera that frames volumes and surfaces.
         fov_y_degrees: f64,
     },
     /// The camera of a glTF node.
@@ -100,15 +106,19 @@ impl Scene {
     /// Loads everything that a request names.
     pub fn load(request: SceneRequest<'_>) -> Result<Loaded, Error> {
         let start = Instant::now();
-        let file = match &request.gltf {
-            Some((path, lumens_per_watt)) => Some(gltf::load(path, *lumens_per_watt)?),
-            None => None,
+        let (file, surfaces) = match &request.gltf {
+            Some((path, lumens_per_watt)) => {
+                let rule = request.glass_rule;
+                let (file, surfaces) = gltf::load_with_surfaces(path, *lumens_per_watt, rule)?;
+                (Some(file), surfaces)
+            }
+            None => Default::default(),
         };
         let mut loader = VolumeLoader::default();
         loader.seconds_load = start.elapsed().as_secs_f64();
-        let mut notes = Vec::new();
+        let GltfSurfaces { surfaces, mut notes } = surfaces;
         let volumes = load_volumes(&mut loader, &request, file.as_ref(), &mut notes)?;
-        let (camera, note) = choose_camera(&request, file.as_ref(), &volumes)?;
+        let (camera, note) = choose_camera(&request, file.as_ref(), &volumes, surfaces.as_ref())?;
         notes.extend(note);
         let mut lights = request.lights;
         let mut not_modelled = Vec::new();
@@ -118,7 +128,7 @@ impl Scene {
         }
         let environment = match request.environment {
             Some(environment) => environment,
-            None if lights.is_empty() => {
+            None if lights.is_empty() && !surfaces.as_ref().is_some_and(Surfaces::emits) => {
                 let (sun, environment) = default_sky()?;
                 lights.push(sun);
                 notes.push("no light given: the default sky, a sun and a blue gradient".into());
@@ -126,41 +136,44 @@ impl Scene {
             }
             None => Environment::default(),
         };
-        if volumes.is_empty() {
-            notes.push("there is no volume: the picture shows the environment alone".into());
+        if volumes.is_empty() && surfaces.is_none() {
+            notes.push("there is no volume and no surface: the picture shows the environment alone".into());
         }
         Ok(Loaded {
-            scene: Scene { camera, volumes, lights, environment, not_modelled },
+            scene: Scene {
+                camera,
+                volumes,
+                surfaces: surfaces.map(Arc::new),
+                lights,
+                environment,
+                not_modelled,
+            },
             notes,
             seconds_load: loader.seconds_load,
             seconds_build: loader.seconds_build,
         })
     }
 
-    /// Lowest and highest corner of all bounded volumes in world space; `None` if there are none.
+    /// Lowest and highest corner of all bounded volumes and surfaces in world space; `None` if
+    /// there are none.
     pub fn bounds(&self) -> Option<(DVec3, DVec3)> {
-        bounds_of(&self.volumes)
+        let volumes = self.volumes.iter().filter_map(|volume| volume.medium.bounds_world());
+        let surfaces = self.surfaces.iter().map(|surfaces| surfaces.bounds());
+        volumes.chain(surfaces).reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))
     }
 }
 
-fn bounds_of(volumes: &[Volume]) -> Option<(DVec3, DVec3)> {
-    volumes
-        .iter()
-        .filter_map(|volume| volume.medium.bounds_world())
-        .reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))
-}
-
-/// Balls of one size that together hold what is seen of the volumes.
+/// Balls of one size that together hold what is seen of the volumes and surfaces.
 struct Balls {
     centres: Vec<DVec3>,
     radius: f64,
 }
 
 impl Balls {
-    /// Cells of the volumes' bounds in which there is more than a trace of density; `None` without
-    /// bounded volumes. What is smaller than a cell may be missed, which the margin of the frame
-    /// forgives.
-    fn of(volumes: &[Volume]) -> Option<Self> {
+    /// Cells of the volumes' bounds in which there is more than a trace of density, and corners of
+    /// the surfaces' bounds; `None` without anything bounded. What is smaller than a cell may be
+    /// missed, which the margin of the frame forgives.
+    fn of(volumes: &[Volume], surfaces: Option<&Surfaces>) -> Option<Self> {
         /// Cells along each axis of a volume's bounds.
         const SIDE: u32 = 40;
         /// Share of the densest cell below which a cell does not matter.
@@ -185,6 +198,8 @@ impl Balls {
                 balls.centres.extend(corners((low, high)));
             }
         }
+        let instances = surfaces.into_iter().flat_map(Surfaces::instance_bounds);
+        balls.centres.extend(instances.flat_map(corners));
         (!balls.centres.is_empty()).then_some(balls)
     }
 }
@@ -241,6 +256,7 @@ fn choose_camera(
     request: &SceneRequest<'_>,
     file: Option<&GltfScene>,
     volumes: &[Volume],
+    surfaces: Option<&Surfaces>,
 ) -> Result<(Camera, Option<String>), Error> {
     let cameras = file.map(|file| file.cameras.as_slice()).unwrap_or_default();
     let resolution = request.resolution.unwrap_or([640, 360]);
@@ -274,17 +290,22 @@ fn choose_camera(
                 let note = format!("camera `{}` of the scene", camera.node);
                 return gltf_camera(camera, request, &place).map(|camera| (camera, Some(note)));
             }
-            let Some(balls) = Balls::of(volumes) else {
+            let Some(balls) = Balls::of(volumes, surfaces) else {
                 let place = request.gltf.as_ref().map(|(path, _)| Place::file(path));
                 return Err(Error::missing(
                     place.unwrap_or_default(),
-                    "there is no camera, and no volume with an end that could be framed",
+                    "there is no camera, and no surface and no volume with an end that could be framed",
                     "give the job a `camera` with `position` and `look_at`",
                 ));
             };
             let Balls { centres, radius } = balls;
             let camera = Camera::framing_balls(centres, radius, *fov_y_degrees, resolution)?;
-            Ok((camera, Some("no camera given: the volumes are framed".into())))
+            let framed = match (volumes.is_empty(), surfaces.is_some()) {
+                (_, false) => "the volumes are framed",
+                (true, true) => "the surfaces are framed",
+                (false, true) => "volumes and surfaces are framed",
+            };
+            Ok((camera, Some(format!("no camera given: {framed}"))))
         }
     }
 }

@@ -1,7 +1,7 @@
-//! Reads what Pileus renders out of a glTF 2.0 file: cameras, punctual lights, volumes.
+//! Reads what Pileus renders out of a glTF 2.0 file: cameras, punctual lights, volumes, surfaces.
 //!
-//! Only the JSON part of a file is needed: meshes, materials, textures and animations are not
-//! rendered by this version, and no buffer is read. What is left out is listed.
+//! [`load`] and [`parse`] need the JSON part of a file alone; [`load_with_surfaces`] and
+//! [`parse_with_surfaces`] read its buffers and images as well. What is left out is listed.
 
 use std::f32::consts::{FRAC_PI_4, PI};
 use std::path::Path;
@@ -10,9 +10,13 @@ use glam::{DAffine3, DMat3, DQuat, DVec3, Vec3};
 use gltf::json;
 
 use crate::error::{Error, Place};
+use crate::gltf_material;
+use crate::gltf_mesh::{self, INSTANCING};
+pub use crate::gltf_mesh::{GltfMesh, GltfSurfaces};
 use crate::gltf_volume::{EXTENSION, volume_of_node};
 use crate::json::Document;
 use crate::light::{Light, Point, Spot, Sun};
+use crate::surface::GlassRule;
 use crate::volume_spec::VolumeSpec;
 
 /// What a glTF file contributes to a scene.
@@ -24,6 +28,8 @@ pub struct GltfScene {
     pub lights: Vec<Light>,
     /// Its volumes.
     pub volumes: Vec<GltfVolume>,
+    /// Its nodes with meshes.
+    pub meshes: Vec<GltfMesh>,
     /// What it contains and this version leaves out, as sentences.
     pub not_modelled: Vec<String>,
     /// Numbers of things in the file, for `info`.
@@ -75,18 +81,19 @@ const MAX_JSON: u64 = 64 << 20;
 /// Largest .glb file.
 const MAX_GLB: u64 = 4 << 30;
 
-/// Extensions that a file may require although this version ignores them: they say how surfaces
-/// look or how meshes and textures are stored, and no surface is rendered.
-const SURFACES_ONLY: [&str; 8] = [
-    "EXT_mesh_gpu_instancing",
-    "EXT_meshopt_compression",
-    "EXT_texture_webp",
-    "KHR_draco_mesh_compression",
+/// Extensions that are modelled, besides those of materials. `KHR_mesh_quantization` only allows
+/// more types of components.
+const MODELLED: [&str; 5] = [
+    EXTENSION,
+    INSTANCING,
+    "KHR_lights_punctual",
     "KHR_mesh_quantization",
-    "KHR_meshopt_compression",
-    "KHR_texture_basisu",
     "KHR_texture_transform",
 ];
+
+fn is_modelled(extension: &str) -> bool {
+    MODELLED.contains(&extension) || gltf_material::MODELLED.contains(&extension)
+}
 
 /// Reads a .gltf or .glb file.
 ///
@@ -94,6 +101,20 @@ const SURFACES_ONLY: [&str; 8] = [
 /// intensities are divided by it.
 pub fn load(path: impl AsRef<Path>, lumens_per_watt: f64) -> Result<GltfScene, Error> {
     let path = path.as_ref();
+    parse(path, &read(path)?, lumens_per_watt)
+}
+
+/// Reads a .gltf or .glb file and the meshes, materials and images that its scene shows.
+pub fn load_with_surfaces(
+    path: impl AsRef<Path>,
+    lumens_per_watt: f64,
+    rule: GlassRule,
+) -> Result<(GltfScene, GltfSurfaces), Error> {
+    let path = path.as_ref();
+    parse_with_surfaces(path, &read(path)?, lumens_per_watt, rule)
+}
+
+fn read(path: &Path) -> Result<Vec<u8>, Error> {
     let io = |source| Error::io(Place::file(path), source);
     let length = std::fs::metadata(path).map_err(io)?.len();
     if length > MAX_GLB {
@@ -103,8 +124,7 @@ pub fn load(path: impl AsRef<Path>, lumens_per_watt: f64) -> Result<GltfScene, E
             "split the scene: files of up to 4 GiB are read",
         ));
     }
-    let bytes = std::fs::read(path).map_err(io)?;
-    parse(path, &bytes, lumens_per_watt)
+    std::fs::read(path).map_err(io)
 }
 
 /// Reads a glTF file from its bytes; `path` names it and is what its files are relative to.
@@ -113,16 +133,28 @@ pub fn parse(
     bytes: &[u8],
     lumens_per_watt: f64,
 ) -> Result<GltfScene, Error> {
-    let path = path.as_ref();
-    if !(lumens_per_watt > 0.0 && lumens_per_watt.is_finite()) {
-        return Err(Error::invalid(
-            Place::part(path, "lumens_per_watt"),
-            format!("{lumens_per_watt} lumens per watt"),
-            "use a number above 0; 683 is the default",
-        ));
-    }
-    let text = json_text(path, bytes)?;
-    let document = Document::new(path, text);
+    let parts = Parts::split(path.as_ref(), bytes)?;
+    let document = Document::new(path.as_ref(), parts.json);
+    let root = read_root(&document)?;
+    walk(&document, &root, lumens_per_watt)
+}
+
+/// As [`parse`], and reads surfaces as [`load_with_surfaces`].
+pub fn parse_with_surfaces(
+    path: impl AsRef<Path>,
+    bytes: &[u8],
+    lumens_per_watt: f64,
+    rule: GlassRule,
+) -> Result<(GltfScene, GltfSurfaces), Error> {
+    let parts = Parts::split(path.as_ref(), bytes)?;
+    let document = Document::new(path.as_ref(), parts.json);
+    let root = read_root(&document)?;
+    let scene = walk(&document, &root, lumens_per_watt)?;
+    let surfaces = gltf_mesh::load(&document, &root, parts.bin, &scene.meshes, rule)?;
+    Ok((scene, surfaces))
+}
+
+fn read_root(document: &Document) -> Result<json::Root, Error> {
     let root: json::Root = document.parse()?;
     if !root.asset.version.starts_with("2.") {
         return Err(Error::unsupported(
@@ -131,15 +163,27 @@ pub fn parse(
             "export the scene as glTF 2.0",
         ));
     }
-    check_required(&document, &root)?;
+    check_required(document, &root)?;
+    Ok(root)
+}
+
+fn walk(document: &Document, root: &json::Root, lumens_per_watt: f64) -> Result<GltfScene, Error> {
+    if !(lumens_per_watt > 0.0 && lumens_per_watt.is_finite()) {
+        return Err(Error::invalid(
+            Place::part(document.path(), "lumens_per_watt"),
+            format!("{lumens_per_watt} lumens per watt"),
+            "use a number above 0; 683 is the default",
+        ));
+    }
     let mut walk = Walk {
-        document: &document,
-        root: &root,
+        document,
+        root,
         lumens_per_watt,
         scene: GltfScene {
             cameras: Vec::new(),
             lights: Vec::new(),
             volumes: Vec::new(),
+            meshes: Vec::new(),
             not_modelled: Vec::new(),
             counts: GltfCounts {
                 nodes: root.nodes.len(),
@@ -153,8 +197,46 @@ pub fn parse(
     };
     walk.run()?;
     let mut scene = walk.scene;
-    list_not_modelled(&root, &mut scene);
+    list_not_modelled(root, &mut scene);
     Ok(scene)
+}
+
+/// The parts of a file.
+struct Parts<'a> {
+    json: &'a str,
+    /// The binary chunk of a .glb file.
+    bin: Option<&'a [u8]>,
+}
+
+impl<'a> Parts<'a> {
+    fn split(path: &Path, bytes: &'a [u8]) -> Result<Self, Error> {
+        let json = json_text(path, bytes)?;
+        let bin = if bytes.starts_with(b"glTF") { bin_chunk(path, bytes, json.len())? } else { None };
+        Ok(Self { json, bin })
+    }
+}
+
+/// The binary chunk of a .glb file, the second one if there is one; unknown chunks after it are
+/// ignored.
+fn bin_chunk<'a>(path: &Path, bytes: &'a [u8], json: usize) -> Result<Option<&'a [u8]>, Error> {
+    let Some(rest) = json.checked_add(20).and_then(|start| bytes.get(start..)) else {
+        return Ok(None);
+    };
+    let (Some(length), Some(kind)) = (rest.first_chunk::<4>(), rest.get(4..8)) else {
+        return Ok(None);
+    };
+    if kind != b"BIN\0" {
+        return Ok(None);
+    }
+    let length = usize::try_from(u32::from_le_bytes(*length)).ok();
+    let chunk = length.and_then(|length| rest.get(8..length.checked_add(8)?));
+    chunk.map(Some).ok_or_else(|| {
+        Error::invalid(
+            Place::file(path),
+            "the .glb file ends inside its binary chunk",
+            "export the file again, it is damaged",
+        )
+    })
 }
 
 /// The JSON part of a .gltf or .glb file (glTF 2.0, section 4.4).
@@ -198,24 +280,19 @@ fn json_text<'a>(path: &Path, bytes: &'a [u8]) -> Result<&'a str, Error> {
 }
 
 fn check_required(document: &Document, root: &json::Root) -> Result<(), Error> {
-    let known = |name: &str| {
-        name == EXTENSION
-            || name == "KHR_lights_punctual"
-            || name.starts_with("KHR_materials_")
-            || SURFACES_ONLY.contains(&name)
-    };
-    let unknown: Vec<&str> =
-        root.extensions_required.iter().map(String::as_str).filter(|name| !known(name)).collect();
+    let required = root.extensions_required.iter().map(String::as_str);
+    let unknown: Vec<&str> = required.filter(|name| !is_modelled(name)).collect();
     if unknown.is_empty() {
         return Ok(());
     }
+    let modelled: Vec<&str> = MODELLED.into_iter().chain(gltf_material::MODELLED).collect();
     Err(Error::unsupported(
         document.place("/extensionsRequired"),
         format!("the file requires extensions that are not supported: {}", unknown.join(", ")),
         format!(
-            "export without them; supported are {EXTENSION} and KHR_lights_punctual, and those \
-             that only touch surfaces are accepted: KHR_materials_*, {}",
-            SURFACES_ONLY.join(", ")
+            "export without them (compression of meshes and textures can be switched off in the \
+             exporter); supported are {}",
+            modelled.join(", ")
         ),
     ))
 }
@@ -335,6 +412,17 @@ impl Walk<'_> {
         }
         let has_extension = extensions.is_some_and(|e| e.others.contains_key(EXTENSION));
         let extras = node.extras.as_ref().map(|extras| extras.get());
+        if let Some(mesh) = node.mesh {
+            if self.root.meshes.get(mesh.value()).is_none() {
+                return Err(self.no_such("mesh", mesh.value(), &name));
+            }
+            self.scene.meshes.push(GltfMesh {
+                name: name.clone(),
+                node: index,
+                mesh: mesh.value(),
+                to_world: *to_world,
+            });
+        }
         if let Some((spec, pointer)) = volume_of_node(self.document, index, has_extension, extras)?
         {
             let place = self.document.place(&pointer);
@@ -442,19 +530,44 @@ fn list_not_modelled(root: &json::Root, scene: &mut GltfScene) {
     let plural = |n: usize, one: &str, many: &str| {
         if n == 1 { format!("1 {one}") } else { format!("{n} {many}") }
     };
-    let meshes = root.nodes.iter().filter(|node| node.mesh.is_some()).count();
-    if meshes > 0 {
-        let nodes = plural(meshes, "node with a mesh", "nodes with meshes");
+    let [lines, without_positions] = gltf_mesh::not_surfaces(root);
+    if lines > 0 {
+        let primitives = plural(lines, "primitive", "primitives");
+        scene.not_modelled.push(format!("points and lines: {primitives}"));
+    }
+    if without_positions > 0 {
+        let primitives = plural(without_positions, "primitive", "primitives");
+        scene.not_modelled.push(format!("{primitives} without positions"));
+    }
+    let skinned = root.nodes.iter().filter(|n| n.mesh.is_some() && n.skin.is_some()).count();
+    if skinned > 0 {
+        let nodes = plural(skinned, "node", "nodes");
+        scene.not_modelled.push(format!("skins of {nodes}: meshes keep the shape they are stored in"));
+    }
+    let morphed = |mesh: &json::Mesh| {
+        mesh.primitives.iter().any(|p| p.targets.as_ref().is_some_and(|t| !t.is_empty()))
+    };
+    let morphed = root.meshes.iter().filter(|mesh| morphed(mesh)).count();
+    if morphed > 0 {
+        let meshes = plural(morphed, "mesh", "meshes");
+        scene.not_modelled.push(format!("morph targets of {meshes}: the base shape is rendered"));
+    }
+    let occluded = root.materials.iter().filter(|m| m.occlusion_texture.is_some()).count();
+    if occluded > 0 {
+        let materials = plural(occluded, "material", "materials");
         scene.not_modelled.push(format!(
-            "surfaces: {nodes} and {}; they neither show nor cast shadows",
-            plural(root.materials.len(), "material", "materials")
+            "occlusion textures of {materials}: what they stand for is computed by tracing light"
         ));
     }
-    let emissive =
-        root.materials.iter().filter(|m| m.emissive_factor.0.iter().any(|&c| c > 0.0)).count();
-    if emissive > 0 {
-        let materials = plural(emissive, "emissive material", "emissive materials");
-        scene.not_modelled.push(format!("light from surfaces: {materials}"));
+    let bumpy_coats = root.materials.iter().filter(|material| {
+        let others = material.extensions.as_ref().map(|extensions| &extensions.others);
+        let coat = others.and_then(|others| others.get("KHR_materials_clearcoat"));
+        coat.is_some_and(|coat| coat.get("clearcoatNormalTexture").is_some())
+    });
+    let bumpy_coats = bumpy_coats.count();
+    if bumpy_coats > 0 {
+        let materials = plural(bumpy_coats, "material", "materials");
+        scene.not_modelled.push(format!("normal textures of the clear coats of {materials}"));
     }
     if !root.animations.is_empty() {
         let animations = plural(root.animations.len(), "animation", "animations");
@@ -465,9 +578,8 @@ fn list_not_modelled(root: &json::Root, scene: &mut GltfScene) {
             .not_modelled
             .push(format!("emission of volume `{}`: it gives off no light", volume.node));
     }
-    let known = |name: &str| name == EXTENSION || name == "KHR_lights_punctual";
-    let left_out: Vec<&str> =
-        root.extensions_used.iter().map(String::as_str).filter(|name| !known(name)).collect();
+    let used = root.extensions_used.iter().map(String::as_str);
+    let left_out: Vec<&str> = used.filter(|name| !is_modelled(name)).collect();
     if !left_out.is_empty() {
         scene.not_modelled.push(format!("extensions: {}", left_out.join(", ")));
     }

@@ -7,10 +7,16 @@ pub mod environment;
 mod environment_file;
 pub mod error;
 pub mod gltf;
+mod gltf_accessor;
+mod gltf_buffer;
+mod gltf_material;
+mod gltf_mesh;
+mod gltf_texture;
 mod gltf_volume;
 pub mod json;
 pub mod light;
 mod sky;
+pub mod surface;
 pub mod uri;
 pub mod volume;
 pub mod volume_spec;
@@ -21,5 +27,8 @@ pub use environment::{EnvSample, Environment, EnvironmentImage};
 pub use error::{Error, Place};
 pub use light::{Light, Point, Spot, Sun};
 pub use sky::default_sky;
+pub use surface::{
+    EmissiveTriangle, GlassRule, Hit, Interaction, Interior, SurfaceParameters, Surfaces,
+};
 pub use volume::{Volume, VolumeSource};
 pub use volume_spec::VolumeSpec;

@@ -1,0 +1,415 @@
+//! Meshes of a glTF file and where its nodes place them.
+
+use std::collections::HashMap;
+
+use glam::{DAffine3, DQuat, DVec3, Vec3};
+use gltf::json;
+use gltf::json::mesh::{Mode, Semantic};
+use gltf::json::validation::Checked;
+use serde::Deserialize;
+
+use crate::error::Error;
+use crate::gltf_accessor::{Accessors, Use};
+use crate::gltf_buffer::Buffers;
+use crate::gltf_material;
+use crate::gltf_texture::Textures;
+use crate::json::Document;
+use crate::surface::{GlassRule, Material, Mesh, Part, Refusal, Surfaces, Tag, is_closed};
+
+/// Extension that places a mesh many times.
+pub(crate) const INSTANCING: &str = "EXT_mesh_gpu_instancing";
+
+/// A node with a mesh.
+#[derive(Debug, Clone, PartialEq)]
+pub struct GltfMesh {
+    /// Name of the node; empty if it has none.
+    pub name: String,
+    /// Number of the node in the file.
+    pub node: usize,
+    /// Number of the mesh in the file.
+    pub mesh: usize,
+    /// World transform of the node.
+    pub to_world: DAffine3,
+}
+
+/// The surfaces of a file, and what was decided about them.
+#[derive(Debug, Default)]
+pub struct GltfSurfaces {
+    /// `None` if there is no triangle.
+    pub surfaces: Option<Surfaces>,
+    /// What was chosen or left out, as sentences for people.
+    pub notes: Vec<String>,
+}
+
+#[derive(Debug, Deserialize)]
+struct Instancing {
+    attributes: InstancingAttributes,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "UPPERCASE")]
+struct InstancingAttributes {
+    translation: Option<usize>,
+    rotation: Option<usize>,
+    scale: Option<usize>,
+}
+
+/// Triangles that a file may have however small it is: primitives may share their vertices.
+const FREE_TRIANGLES: u64 = 1 << 22;
+/// Most triangles of all.
+const MAX_TRIANGLES: u64 = 1 << 27;
+
+/// Reads the meshes of `placed` nodes and everything that they need.
+pub(crate) fn load(
+    document: &Document,
+    root: &json::Root,
+    bin: Option<&[u8]>,
+    placed: &[GltfMesh],
+    rule: GlassRule,
+) -> Result<GltfSurfaces, Error> {
+    if placed.is_empty() {
+        return Ok(GltfSurfaces::default());
+    }
+    let buffers = Buffers::new(document, root, bin);
+    let materials = gltf_material::load(document, &mut Textures::new(&buffers))?;
+    let mut loader = Loader {
+        accessors: Accessors::new(&buffers),
+        buffers: &buffers,
+        materials: &materials,
+        rule,
+        triangles: 0,
+        without_area: 0,
+        made_solid: Vec::new(),
+    };
+    let mut numbers: HashMap<usize, Option<usize>> = HashMap::new();
+    let mut meshes = Vec::new();
+    let mut instances = Vec::new();
+    let mut nodes = Vec::new();
+    for node in placed {
+        let number = match numbers.get(&node.mesh) {
+            Some(number) => *number,
+            None => {
+                let number = loader.mesh(node.mesh)?.map(|mesh| {
+                    meshes.push(mesh);
+                    meshes.len() - 1
+                });
+                numbers.insert(node.mesh, number);
+                number
+            }
+        };
+        let Some(number) = number else { continue };
+        for to_world in loader.transforms(node)? {
+            instances.push((number, node.name.clone(), to_world));
+            nodes.push(node.node);
+        }
+    }
+    let mut notes = loader.notes();
+    let built = Surfaces::new(materials, meshes, instances).map_err(|refusal| match refusal {
+        Refusal::TooFar(instance) => {
+            let node = nodes.get(instance).copied().unwrap_or_default();
+            Error::invalid(
+                document.place(&format!("/nodes/{node}")),
+                "the node's mesh has coordinates that are too large to compute with",
+                "check the scales of the node and its parents",
+            )
+        }
+        Refusal::TooManyEmitters => Error::unsupported(
+            document.place("/meshes"),
+            "there are more emissive triangles than can be chosen from",
+            "use fewer instances of emissive meshes",
+        ),
+    });
+    let (surfaces, flat) = built?;
+    if flat > 0 {
+        notes.push(format!("{flat} meshes are scaled to nothing by their nodes and not shown"));
+    }
+    Ok(GltfSurfaces { surfaces, notes })
+}
+
+struct Loader<'a> {
+    accessors: Accessors<'a>,
+    buffers: &'a Buffers<'a>,
+    materials: &'a [Material],
+    rule: GlassRule,
+    triangles: u64,
+    without_area: u64,
+    /// Materials that bound bodies by [`GlassRule::ClosedMeshesAreSolid`], with their mesh.
+    made_solid: Vec<(String, String)>,
+}
+
+impl Loader<'_> {
+    /// A mesh of all primitives of triangles; `None` if there is no triangle.
+    fn mesh(&mut self, index: usize) -> Result<Option<Mesh>, Error> {
+        let document = self.buffers.document;
+        let Some(mesh) = self.buffers.root.meshes.get(index) else {
+            return Err(Error::invalid(
+                document.place("/nodes"),
+                format!("a node names mesh {index}, which does not exist"),
+                "export the file again",
+            ));
+        };
+        let name = mesh.name.clone().unwrap_or_default();
+        let mut parts = Vec::new();
+        let mut triangles: Vec<([Vec3; 3], Tag)> = Vec::new();
+        for (number, primitive) in mesh.primitives.iter().enumerate() {
+            let pointer = format!("/meshes/{index}/primitives/{number}");
+            if let Some(part) = self.primitive(primitive, &pointer, parts.len(), &mut triangles)? {
+                parts.push(part);
+            }
+        }
+        let closed = self.make_solid(&name, &mut parts, &triangles);
+        let all = triangles.len();
+        triangles.retain(|([a, b, c], _)| {
+            let [a, b, c] = [a, b, c].map(|p| p.as_dvec3());
+            (b - a).cross(c - a) != DVec3::ZERO
+        });
+        self.without_area += (all - triangles.len()) as u64;
+        let mesh = Mesh::new(parts, triangles, self.materials);
+        if let (Some(mesh), Some(closed)) = (&mesh, closed) {
+            mesh.set_closed(closed);
+        }
+        Ok(mesh)
+    }
+
+    /// Decides which parts bound bodies; says whether the mesh is closed if it had to be known.
+    fn make_solid(
+        &mut self,
+        name: &str,
+        parts: &mut [Part],
+        triangles: &[([Vec3; 3], Tag)],
+    ) -> Option<bool> {
+        let mut closed = None;
+        for part in parts {
+            let Some(material) = self.materials.get(part.material as usize) else { continue };
+            part.solid = match material.volume {
+                Some(thick) => thick,
+                None => {
+                    let asks = material.transmission > 0.0
+                        && self.rule == GlassRule::ClosedMeshesAreSolid;
+                    asks && *closed.get_or_insert_with(|| {
+                        is_closed(&triangles.iter().map(|(corners, _)| *corners).collect::<Vec<_>>())
+                    })
+                }
+            };
+            if part.solid && material.volume.is_none() {
+                self.made_solid.push((material.name.clone(), name.to_owned()));
+            }
+        }
+        closed
+    }
+
+    /// Reads a primitive and appends its triangles; `None` for points, lines and primitives
+    /// without positions, which have no surface.
+    fn primitive(
+        &mut self,
+        primitive: &json::mesh::Primitive,
+        pointer: &str,
+        part: usize,
+        triangles: &mut Vec<([Vec3; 3], Tag)>,
+    ) -> Result<Option<Part>, Error> {
+        let document = self.buffers.document;
+        let invalid = |what: String| {
+            Error::invalid(document.place(pointer), what, "export the file again")
+        };
+        let others = primitive.extensions.as_ref().map(|extensions| &extensions.others);
+        if others.is_some_and(|others| others.contains_key("KHR_draco_mesh_compression")) {
+            return Err(Error::unsupported(
+                document.place(pointer),
+                "the primitive is compressed (KHR_draco_mesh_compression)",
+                "export without compression",
+            ));
+        }
+        let mode = match primitive.mode {
+            Checked::Valid(mode) if is_surface(mode) => mode,
+            Checked::Valid(_) => return Ok(None),
+            Checked::Invalid => return Err(invalid("the primitive's mode is unknown".into())),
+        };
+        let attribute = |semantic: Semantic| {
+            primitive.attributes.get(&Checked::Valid(semantic)).map(|index| index.value())
+        };
+        let Some(position) = attribute(Semantic::Positions) else { return Ok(None) };
+        let positions = self.accessors.vec3(position, Use::Position)?;
+        let material = match primitive.material {
+            // The default material stands at the end.
+            None => self.materials.len().saturating_sub(1),
+            Some(index) if index.value() + 1 < self.materials.len() => index.value(),
+            Some(index) => {
+                let what = format!("the primitive names material {}, which does not exist", index.value());
+                return Err(invalid(what));
+            }
+        };
+        let same_length = |name: &str, length: usize| {
+            if length == positions.len() {
+                return Ok(());
+            }
+            let n = positions.len();
+            Err(invalid(format!("the primitive has {n} positions, but {length} values of {name}")))
+        };
+        let mut found = Part { material: material as u32, ..Part::default() };
+        if let Some(index) = attribute(Semantic::Normals) {
+            let values = self.accessors.vec3(index, Use::Normal)?;
+            same_length("NORMAL", values.len())?;
+            found.normals = Some(values);
+        }
+        let used = self.materials.get(material);
+        if let Some(index) = attribute(Semantic::Tangents)
+            && used.is_some_and(|material| material.normal_texture.is_some())
+        {
+            let values = self.accessors.vec4(index, Use::Tangent)?;
+            same_length("TANGENT", values.len())?;
+            found.tangents = Some(values);
+        }
+        for set in 0..2u32 {
+            if let Some(index) = attribute(Semantic::TexCoords(set))
+                && used.is_some_and(|material| material.uses_set(set as usize))
+            {
+                let values = self.accessors.vec2(index, Use::Uv)?;
+                same_length(&format!("TEXCOORD_{set}"), values.len())?;
+                if let Some(slot) = found.uv.get_mut(set as usize) {
+                    *slot = Some(values);
+                }
+            }
+        }
+        if let Some(index) = attribute(Semantic::Colors(0)) {
+            let values = self.accessors.vec4(index, Use::Color)?;
+            same_length("COLOR_0", values.len())?;
+            found.colors = Some(values);
+        }
+        let indices = match primitive.indices {
+            Some(index) => Some(self.accessors.indices(index.value(), positions.len())?),
+            None => None,
+        };
+        let count = indices.as_ref().map_or(positions.len(), Vec::len);
+        self.count_triangles(count as u64, mode, pointer)?;
+        let remainder = if mode == Mode::Triangles { count % 3 } else { 0 };
+        if remainder != 0 {
+            return Err(invalid(format!("{count} vertices do not make whole triangles")));
+        }
+        let vertex = |i: usize| match &indices {
+            Some(indices) => indices.get(i).copied(),
+            None => u32::try_from(i).ok(),
+        };
+        let corner = |vertex: u32| positions.get(vertex as usize).copied();
+        for i in 0..triangles_of(count as u64, mode) as usize {
+            // glTF 2.0, section 3.7.2.1: every second triangle of a strip is turned around.
+            let places = match mode {
+                Mode::TriangleStrip => [i, i + 1 + i % 2, i + 2 - i % 2],
+                Mode::TriangleFan => [i + 1, i + 2, 0],
+                _ => [3 * i, 3 * i + 1, 3 * i + 2],
+            };
+            let [Some(a), Some(b), Some(c)] = places.map(vertex) else { continue };
+            let [Some(p0), Some(p1), Some(p2)] = [a, b, c].map(corner) else { continue };
+            triangles.push(([p0, p1, p2], Tag { part: part as u32, vertices: [a, b, c] }));
+        }
+        Ok(Some(found))
+    }
+
+    /// Accounts for the triangles that `count` vertices make.
+    fn count_triangles(&mut self, count: u64, mode: Mode, pointer: &str) -> Result<(), Error> {
+        self.triangles = self.triangles.saturating_add(triangles_of(count, mode));
+        let most = FREE_TRIANGLES.saturating_add(self.buffers.total()).min(MAX_TRIANGLES);
+        if self.triangles <= most {
+            return Ok(());
+        }
+        Err(Error::unsupported(
+            self.buffers.document.place(pointer),
+            format!("the meshes have more than {most} triangles"),
+            "use instances of fewer meshes, or simplify them",
+        ))
+    }
+
+    /// World transforms of a node's mesh: one, or one for each instance.
+    fn transforms(&self, node: &GltfMesh) -> Result<Vec<DAffine3>, Error> {
+        let root = self.buffers.root;
+        let others = root.nodes.get(node.node).and_then(|n| n.extensions.as_ref());
+        let Some(value) = others.and_then(|extensions| extensions.others.get(INSTANCING)) else {
+            return Ok(vec![node.to_world]);
+        };
+        let document = self.buffers.document;
+        let pointer = format!("/nodes/{}/extensions/{INSTANCING}", node.node);
+        let invalid = |what: String| {
+            Error::invalid(document.place(&pointer), what, "export the file again")
+        };
+        let found = Instancing::deserialize(value).map_err(|error| invalid(error.to_string()))?;
+        let attributes = found.attributes;
+        let vectors = |index: Option<usize>| {
+            index.map(|index| self.accessors.vec3(index, Use::Vector)).transpose()
+        };
+        let (translations, scales) = (vectors(attributes.translation)?, vectors(attributes.scale)?);
+        let rotations = attributes.rotation;
+        let rotations =
+            rotations.map(|index| self.accessors.vec4(index, Use::Rotation)).transpose()?;
+        let lengths = [
+            translations.as_ref().map(|values| values.len()),
+            scales.as_ref().map(|values| values.len()),
+            rotations.as_ref().map(|values| values.len()),
+        ];
+        let count = lengths.iter().flatten().copied().max().unwrap_or(0);
+        if lengths.iter().flatten().any(|&length| length != count) {
+            return Err(invalid("the instances' attributes have different lengths".into()));
+        }
+        self.buffers.reserve(&pointer, (count as u64).saturating_mul(64))?;
+        let mut transforms = Vec::with_capacity(count);
+        for i in 0..count {
+            let vector = |values: &Option<std::sync::Arc<[Vec3]>>, none: DVec3| {
+                values.as_ref().and_then(|v| v.get(i)).map_or(none, |v| v.as_dvec3())
+            };
+            let rotation = rotations.as_ref().and_then(|values| values.get(i));
+            let rotation = rotation.map_or(DQuat::IDENTITY, |q| DQuat::from_vec4(q.as_dvec4()));
+            if !(rotation.length_squared() > 1e-12) {
+                return Err(invalid(format!("the rotation of instance {i} is zero")));
+            }
+            let local = DAffine3::from_scale_rotation_translation(
+                vector(&scales, DVec3::ONE),
+                rotation.normalize(),
+                vector(&translations, DVec3::ZERO),
+            );
+            transforms.push(node.to_world * local);
+        }
+        Ok(transforms)
+    }
+
+    fn notes(&mut self) -> Vec<String> {
+        let mut notes = Vec::new();
+        self.made_solid.sort();
+        self.made_solid.dedup_by(|a, b| a.0 == b.0);
+        for (material, mesh) in &self.made_solid {
+            notes.push(format!(
+                "material `{material}` fills closed meshes (`{mesh}`): it bends light, although \
+                 without KHR_materials_volume glTF takes it for a thin wall"
+            ));
+        }
+        if self.without_area > 0 {
+            notes.push(format!("{} triangles have no area and are left out", self.without_area));
+        }
+        notes
+    }
+}
+
+fn is_surface(mode: Mode) -> bool {
+    matches!(mode, Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan)
+}
+
+/// Triangles that `count` vertices make.
+fn triangles_of(count: u64, mode: Mode) -> u64 {
+    match mode {
+        Mode::Triangles => count / 3,
+        _ => count.saturating_sub(2),
+    }
+}
+
+/// Numbers of primitives in the meshes of nodes that have no surface: points and lines, and those
+/// without positions.
+pub(crate) fn not_surfaces(root: &json::Root) -> [usize; 2] {
+    let mut counts = [0; 2];
+    for primitive in root.meshes.iter().flat_map(|mesh| &mesh.primitives) {
+        match primitive.mode {
+            Checked::Valid(mode) if !is_surface(mode) => counts[0] += 1,
+            _ if !primitive.attributes.contains_key(&Checked::Valid(Semantic::Positions)) => {
+                counts[1] += 1;
+            }
+            _ => {}
+        }
+    }
+    counts
+}

@@ -1,0 +1,266 @@
+//! Meshes: triangles in the space of their node, with what their vertices carry.
+
+use std::collections::HashMap;
+use std::sync::{Arc, OnceLock};
+
+use glam::{DVec3, Vec2, Vec3, Vec4};
+
+use super::material::{Alpha, Material, Point};
+use super::tree::Tree;
+
+/// What the vertices of a glTF primitive carry, and what its surface is made of.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Part {
+    pub(crate) material: u32,
+    /// Whether the surface bounds a body, so that light is bent at it.
+    pub(crate) solid: bool,
+    pub(crate) normals: Option<Arc<[Vec3]>>,
+    /// Tangents; `w` is the sign of the bitangent.
+    pub(crate) tangents: Option<Arc<[Vec4]>>,
+    pub(crate) uv: [Option<Arc<[Vec2]>>; 2],
+    pub(crate) colors: Option<Arc<[Vec4]>>,
+}
+
+/// Where a triangle comes from: its part and its vertices' numbers there.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Tag {
+    pub(crate) part: u32,
+    pub(crate) vertices: [u32; 3],
+}
+
+/// A mesh; its triangles stand in the order of its tree's leaves.
+#[derive(Debug)]
+pub(crate) struct Mesh {
+    pub(crate) parts: Vec<Part>,
+    corners: Vec<[Vec3; 3]>,
+    tags: Vec<Tag>,
+    /// Of each part whether its back is passed and whether it may have holes; empty if no part does.
+    filters: Vec<Filter>,
+    pub(crate) tree: Tree,
+    pub(crate) bounds: (DVec3, DVec3),
+    closed: OnceLock<bool>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Filter {
+    culls_back: bool,
+    has_holes: bool,
+}
+
+/// What has to be asked before a triangle counts as hit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Presence {
+    Present,
+    Absent,
+    /// Ask the material's coverage.
+    Partial,
+}
+
+impl Mesh {
+    /// Builds a mesh of triangles with finite vertices and an area; `None` without triangles.
+    pub(crate) fn new(
+        parts: Vec<Part>,
+        triangles: Vec<([Vec3; 3], Tag)>,
+        materials: &[Material],
+    ) -> Option<Self> {
+        if triangles.is_empty() {
+            return None;
+        }
+        let boxes: Vec<(DVec3, DVec3)> = triangles
+            .iter()
+            .map(|([a, b, c], _)| (a.min(*b).min(*c).as_dvec3(), a.max(*b).max(*c).as_dvec3()))
+            .collect();
+        let bounds = boxes.iter().copied().reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))?;
+        let tree = Tree::new(&boxes);
+        let ordered: Vec<([Vec3; 3], Tag)> =
+            tree.order().iter().filter_map(|&i| triangles.get(i as usize).copied()).collect();
+        let (corners, tags) = ordered.into_iter().unzip();
+        let filters: Vec<Filter> = parts
+            .iter()
+            .map(|part| match materials.get(part.material as usize) {
+                Some(material) => Filter {
+                    culls_back: material.culls_back(),
+                    has_holes: material.alpha != Alpha::Opaque,
+                },
+                None => Filter { culls_back: false, has_holes: false },
+            })
+            .collect();
+        let plain = filters.iter().all(|filter| !filter.culls_back && !filter.has_holes);
+        let filters = if plain { Vec::new() } else { filters };
+        Some(Self { parts, corners, tags, filters, tree, bounds, closed: OnceLock::new() })
+    }
+
+    pub(crate) fn len(&self) -> usize {
+        self.corners.len()
+    }
+
+    /// Bytes of triangles and tree.
+    pub(crate) fn bytes(&self) -> usize {
+        size_of_val(self.corners.as_slice())
+            + size_of_val(self.tags.as_slice())
+            + self.tree.bytes()
+    }
+
+    #[inline]
+    pub(crate) fn corners(&self, triangle: usize) -> &[Vec3; 3] {
+        &self.corners[triangle]
+    }
+
+    pub(crate) fn part(&self, triangle: usize) -> &Part {
+        &self.parts[self.tags[triangle].part as usize]
+    }
+
+    /// Whether a ray that meets a triangle from this side sees it.
+    #[inline]
+    pub(crate) fn presence(&self, triangle: usize, front_face: bool) -> Presence {
+        if self.filters.is_empty() {
+            return Presence::Present;
+        }
+        let filter = self.filters[self.tags[triangle].part as usize];
+        match (filter.culls_back && !front_face, filter.has_holes) {
+            (true, _) => Presence::Absent,
+            (false, true) => Presence::Partial,
+            (false, false) => Presence::Present,
+        }
+    }
+
+    /// The point of a triangle with these weights of its second and third vertex.
+    pub(crate) fn position(&self, triangle: usize, [b1, b2]: [f64; 2]) -> DVec3 {
+        let [p0, p1, p2] = self.corners[triangle].map(|p| p.as_dvec3());
+        p0 * (1.0 - b1 - b2) + p1 * b1 + p2 * b2
+    }
+
+    /// Coordinates and colour there; 0 and white where the mesh has none.
+    pub(crate) fn point(&self, triangle: usize, barycentrics: [f32; 2]) -> Point {
+        let (part, tag) = (self.part(triangle), self.tags[triangle]);
+        let uv = |set: &Option<Arc<[Vec2]>>| {
+            let values = set.as_deref().map(|values| at(values, tag));
+            values.map_or(Vec2::ZERO, |v| mix(v, barycentrics))
+        };
+        let color = part.colors.as_deref().map(|values| mix(at(values, tag), barycentrics));
+        Point { uv: [uv(&part.uv[0]), uv(&part.uv[1])], color: color.unwrap_or(Vec4::ONE) }
+    }
+
+    /// The geometric normal in the mesh's space, not normalised: towards the side on which the
+    /// vertices run counter-clockwise.
+    pub(crate) fn geometric_normal(&self, triangle: usize) -> DVec3 {
+        let [p0, p1, p2] = self.corners[triangle].map(|p| p.as_dvec3());
+        (p1 - p0).cross(p2 - p0)
+    }
+
+    /// The vertices' normals interpolated, in the mesh's space, not normalised.
+    pub(crate) fn normal(&self, triangle: usize, barycentrics: [f32; 2]) -> Option<Vec3> {
+        let normals = self.part(triangle).normals.as_deref()?;
+        Some(mix(at(normals, self.tags[triangle]), barycentrics))
+    }
+
+    /// The tangent in the mesh's space and the sign of the bitangent: the vertices' tangents, or
+    /// the direction in which the coordinates of `set` grow on this triangle.
+    pub(crate) fn tangent(
+        &self,
+        triangle: usize,
+        barycentrics: [f32; 2],
+        set: usize,
+    ) -> Option<(Vec3, f32)> {
+        let (part, tag) = (self.part(triangle), self.tags[triangle]);
+        if let Some(tangents) = part.tangents.as_deref() {
+            let [a, b, c] = at(tangents, tag);
+            return Some((mix([a, b, c], barycentrics).truncate(), a.w));
+        }
+        let [uv0, uv1, uv2] = at(part.uv.get(set)?.as_deref()?, tag);
+        let [p0, p1, p2] = self.corners[triangle];
+        let (dp1, dp2) = (p1 - p0, p2 - p0);
+        let (d1, d2) = (uv1 - uv0, uv2 - uv0);
+        let area = d1.x * d2.y - d2.x * d1.y;
+        if area == 0.0 || !area.is_finite() {
+            return None;
+        }
+        // Images have their second coordinate downwards, normal maps their green upwards: seen
+        // from outside, coordinates that are not mirrored run clockwise.
+        let along = (dp1 * d2.y - dp2 * d1.y) / area;
+        Some((along, if area < 0.0 { 1.0 } else { -1.0 }))
+    }
+
+    /// Whether every edge belongs to exactly two triangles, vertices at equal places taken for
+    /// one. Counted at the first call.
+    pub(crate) fn is_closed(&self) -> bool {
+        *self.closed.get_or_init(|| is_closed(&self.corners))
+    }
+
+    /// Says beforehand what [`Self::is_closed`] is.
+    pub(crate) fn set_closed(&self, closed: bool) {
+        // A second answer would be the same.
+        let _ = self.closed.set(closed);
+    }
+}
+
+fn at<T: Copy + Default>(values: &[T], tag: Tag) -> [T; 3] {
+    tag.vertices.map(|vertex| values.get(vertex as usize).copied().unwrap_or_default())
+}
+
+fn mix<V>(values: [V; 3], [b1, b2]: [f32; 2]) -> V
+where
+    V: std::ops::Mul<f32, Output = V> + std::ops::Add<Output = V>,
+{
+    let [a, b, c] = values;
+    a * (1.0 - b1 - b2) + b * b1 + c * b2
+}
+
+/// See [`Mesh::is_closed`]; triangles with fewer than three places are nothing.
+pub(crate) fn is_closed(triangles: &[[Vec3; 3]]) -> bool {
+    let mut vertices: HashMap<[u32; 3], u32> = HashMap::new();
+    // How often each edge is met, lower vertex first.
+    let mut edges: HashMap<(u32, u32), u32> = HashMap::new();
+    for triangle in triangles {
+        let [a, b, c] = triangle.map(|p| {
+            let next = vertices.len() as u32;
+            // Adding 0 makes the two zeros one.
+            *vertices.entry(p.to_array().map(|c| (c + 0.0).to_bits())).or_insert(next)
+        });
+        if a == b || b == c || c == a {
+            continue;
+        }
+        for (from, to) in [(a, b), (b, c), (c, a)] {
+            *edges.entry((from.min(to), from.max(to))).or_default() += 1;
+        }
+    }
+    !edges.is_empty() && edges.values().all(|&count| count == 2)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn closed_means_two_triangles_an_edge() {
+        let [a, b, c, d] = [Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::Z];
+        let tetrahedron = [[a, c, b], [a, b, d], [b, c, d], [c, a, d]];
+        assert!(is_closed(&tetrahedron));
+        assert!(!is_closed(&tetrahedron[..3]));
+        assert!(!is_closed(&[]));
+        // A vertex at minus zero is the same, a degenerate triangle is nothing.
+        let mut other = tetrahedron.to_vec();
+        other[0][0] = Vec3::splat(-0.0);
+        other.push([a, a, b]);
+        assert!(is_closed(&other));
+        // A fin on an edge.
+        other.push([a, b, Vec3::splat(5.0)]);
+        assert!(!is_closed(&other));
+    }
+
+    #[test]
+    fn derived_tangents_follow_the_coordinates() {
+        // A unit square's lower half seen from +z: u to the right, v down.
+        let corners = [Vec3::ZERO, Vec3::X, Vec3::Y];
+        let uv: Arc<[Vec2]> = vec![Vec2::new(0.0, 1.0), Vec2::ONE, Vec2::ZERO].into();
+        let part = Part { uv: [Some(uv), None], ..Part::default() };
+        let tag = Tag { part: 0, vertices: [0, 1, 2] };
+        let mesh = Mesh::new(vec![part], vec![(corners, tag)], &[]).unwrap();
+        let (tangent, sign) = mesh.tangent(0, [0.2, 0.2], 0).unwrap();
+        assert_eq!((tangent, sign), (Vec3::X, 1.0));
+        // The bitangent is up.
+        assert_eq!(Vec3::Z.cross(tangent) * sign, Vec3::Y);
+        assert!(mesh.tangent(0, [0.2, 0.2], 1).is_none());
+        assert_eq!(mesh.point(0, [0.5, 0.25]).uv[0], Vec2::new(0.5, 0.75));
+    }
+}
