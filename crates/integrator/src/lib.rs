@@ -3,6 +3,7 @@
 
 mod counters;
 mod error;
+mod interior;
 mod lights;
 mod media;
 mod path;
@@ -12,6 +13,7 @@ mod render;
 mod sampler;
 mod settings;
 mod thickness;
+mod world;
 
 pub use counters::Counters;
 pub use error::Error;

@@ -1,23 +1,27 @@
 //! One path: the null-scattering path integral [Miller et al. 2019] by free flights, phase sampling and next-event estimation.
 //!
 //! Light that a path can only reach one way has weight one: delta lights by shadow rays, the constant part of the environment by escape.
-//! What both can reach (the bright part of an environment image, a sun's disc) is weighted by the balance heuristic over the
+//! What both can reach (the bright part of an environment image, a sun's disc, emissive triangles, fire) is weighted by the balance heuristic over the
 //! densities of the whole null-scattering path. Both walks share the majorants, so all exponentials cancel: the ratio of the light
 //! sampling's density to the path sampling's is `p_light / (p_phase * product of null probabilities)`.
+//!
+//! Surfaces are events along the ray, taken in order with the collisions. What a scene does not have is compiled out: see [`World`].
 //!
 //! Equiangular points near point-like lights [Kulla and Fajardo 2012] are weighted against flights by a density that stands for theirs.
 
 use crate::counters::Counters;
+use crate::interior::{self, Inside};
 use crate::lights::Lights;
 use crate::media::{Flown, Media, Ray};
 use crate::sampler::PathSampler;
+use crate::world::{InMedium, Vertex, World, luminance};
 use glam::{DVec3, Vec3};
 use pileus_film::PixelSample;
 use pileus_media::distance::Equiangular;
 use pileus_media::phase::ISOTROPIC;
 use pileus_media::random::uniform;
 use pileus_media::{Phase, Tally};
-use pileus_scene::Environment;
+use pileus_scene::{Bsdf, Environment};
 
 /// Throughput below which a path is played roulette.
 const ROULETTE_THROUGHPUT: f32 = 0.25;
@@ -30,27 +34,36 @@ const SHADOW_IMPORTANCE: f32 = 1.0;
 const SHADOW_ROULETTE: f32 = 0.3;
 
 /// What a kernel is compiled for and what it reads.
-pub(crate) struct Kernel<'a, M> {
+pub(crate) struct Kernel<'a, M, W> {
     pub(crate) media: M,
+    pub(crate) world: W,
     pub(crate) lights: &'a Lights,
     pub(crate) environment: &'a Environment,
     pub(crate) max_bounces: u32,
     /// Extinction, 1/length, by which flights are taken to be distributed when they are weighted against equiangular points. Any positive value
     /// is unbiased.
     pub(crate) typical_sigma_t: f64,
+    /// Whether flights end with the density of the medium and carry no weight, so that fire up to there may be counted as it is.
+    pub(crate) analog_flights: bool,
 }
 
 /// Where the last flight began, for the weights of light it may run into.
-struct Vertex {
+#[derive(Clone, Copy)]
+struct Last<V> {
     p: DVec3,
-    phase: Phase,
-    /// Propagation direction before the scattering.
-    incoming: Vec3,
-    /// Density of the direction taken.
+    vertex: V,
+    /// Density of the direction taken; zero if no other could have been.
     pdf: f32,
 }
 
-impl<M: Media> Kernel<'_, M> {
+/// How a flight ended.
+enum Event {
+    Collision { t: f64, phase: Phase, albedo: Vec3 },
+    Surface(pileus_scene::Hit),
+    Escape,
+}
+
+impl<M: Media, W: World> Kernel<'_, M, W> {
     /// Traces one path. `MIS`: some light can be met both by shadow rays and by paths. `EQUIANGULAR`: points seen by point-like lights at equal
     /// angles are sampled besides flights.
     #[inline(always)]
@@ -65,34 +78,99 @@ impl<M: Media> Kernel<'_, M> {
         let mut radiance = Vec3::ZERO;
         let mut beta = Vec3::ONE;
         let mut bounces = 0u32;
+        let mut alpha = 0.0;
         let mut first =
             Some(pileus_media::random::exponential_from((first * 4_294_967_296.0) as u32));
-        let mut vertex: Option<Vertex> = None;
+        let mut last: Option<Last<W::Vertex>> = None;
+        let mut inside = Inside::new();
         loop {
-            let part = if EQUIANGULAR { self.media.extent(&ray) } else { None };
+            let hit = self.world.intersect(&ray, sampler);
+            let t_surface = hit.as_ref().map_or(f64::INFINITY, |hit| hit.t);
+            // Equal angles ignore what fills a body: inside one, flights do alone.
+            let part = if EQUIANGULAR && inside.is_empty() {
+                self.media.extent(&ray, t_surface)
+            } else {
+                None
+            };
             if EQUIANGULAR
                 && bounces < self.max_bounces
                 && let Some(part) = part
             {
                 radiance += self.equiangular(&ray, part, beta, sampler, &mut tally, counters);
             }
+            let before = beta;
             let mut flown = Flown { beta, null_probability: 1.0 };
-            let collision = self.media.flight(&ray, first.take(), &mut flown, sampler, &mut tally);
+            let collision =
+                self.media.flight(&ray, t_surface, first.take(), &mut flown, sampler, &mut tally);
             beta = flown.beta;
-            let Some(collision) = collision else {
-                radiance +=
-                    beta * self.escape::<MIS>(&ray, vertex.as_ref(), flown.null_probability);
-                break;
+            let mut event = match (&collision, hit) {
+                (Some(collision), _) => {
+                    let (phase, albedo) = self.media.properties(collision, ray.at(collision.t));
+                    Event::Collision { t: collision.t, phase, albedo }
+                }
+                (None, Some(hit)) => Event::Surface(hit),
+                (None, None) => Event::Escape,
             };
-            if bounces >= self.max_bounces {
-                counters.cut_by_max_bounces += 1;
-                bounces += 1;
-                break;
+            if W::WHOLE {
+                if let Some(body) = inside.last() {
+                    let t_end = collision.as_ref().map_or(t_surface, |collision| collision.t);
+                    if let Some(t) = interior::fly(body, t_end, &mut beta, sampler) {
+                        let phase = Phase::henyey_greenstein(body.g);
+                        event = Event::Collision { t, phase, albedo: Vec3::ONE };
+                    }
+                }
+                let t_end = match &event {
+                    Event::Collision { t, .. } => *t,
+                    _ => t_surface,
+                };
+                let flight = (&ray, t_end, t_surface);
+                radiance += self.glow(flight, before, last.as_ref(), &inside, sampler, &mut tally);
             }
-            bounces += 1;
-            let p = ray.at(collision.t);
-            let (phase, albedo) = self.media.properties(&collision, p);
-            beta *= albedo;
+            let (p, vertex, turn) = match event {
+                Event::Escape => {
+                    radiance += beta * self.escape::<MIS>(&ray, last.as_ref(), flown.null_probability);
+                    break;
+                }
+                Event::Collision { t, phase, albedo } => {
+                    if bounces >= self.max_bounces {
+                        counters.cut_by_max_bounces += 1;
+                        bounces += 1;
+                        break;
+                    }
+                    bounces += 1;
+                    beta *= albedo;
+                    let vertex = InMedium { phase, incoming: ray.direction };
+                    (ray.at(t), W::in_medium(vertex), Turn::Medium(phase))
+                }
+                Event::Surface(hit) => {
+                    alpha = 1.0;
+                    let Some(surfaces) = self.world.surfaces() else { break };
+                    let interaction = surfaces.interaction(&hit, ray.direction);
+                    if interaction.emission != Vec3::ZERO {
+                        let met = (hit.t, interaction.emitter, interaction.geometric_normal);
+                        let weight =
+                            self.weight_of_lamp(&ray, met, last.as_ref(), flown.null_probability);
+                        radiance += beta * interaction.emission * weight;
+                    }
+                    if bounces >= self.max_bounces {
+                        counters.cut_by_max_bounces += 1;
+                        bounces += 1;
+                        break;
+                    }
+                    bounces += 1;
+                    let wo = -ray.direction;
+                    let side = if interaction.front_face { 1.0 } else { -1.0 };
+                    let bsdf = Bsdf::new(
+                        &interaction.parameters,
+                        interaction.shading_normal * side,
+                        interaction.geometric_normal * side,
+                        interaction.front_face,
+                    );
+                    let p = interaction.p;
+                    let Some(vertex) = W::at_surface(bsdf, wo, interaction) else { break };
+                    (p, vertex, Turn::Surface(bsdf, interaction))
+                }
+            };
             let strongest = beta.max_element();
             if !(strongest > 0.0) {
                 break;
@@ -103,12 +181,15 @@ impl<M: Media> Kernel<'_, M> {
             } else {
                 [uniform(sampler), uniform(sampler), uniform(sampler), uniform(sampler)]
             };
-            if !self.lights.is_empty() {
-                let flight = Flight { ray: &ray, part, t: collision.t };
-                let shadow =
-                    Shading { p, direction: ray.direction, phase, beta, strongest, flight };
+            let (scatters, in_medium) = match &turn {
+                Turn::Medium(_) => (true, true),
+                Turn::Surface(bsdf, _) => (!bsdf.is_delta(), false),
+            };
+            if scatters && !self.lights.is_empty() {
+                let flight = Flight { ray: &ray, part, in_medium };
+                let shading = Shading { p, vertex: &vertex, beta, strongest, inside: &inside, flight };
                 radiance += self.next_event::<MIS, EQUIANGULAR>(
-                    &shadow,
+                    &shading,
                     [u_light, u_shadow],
                     sampler,
                     &mut tally,
@@ -122,16 +203,34 @@ impl<M: Media> Kernel<'_, M> {
                 }
                 beta /= survive;
             }
-            let (wi, pdf) = phase.sample(ray.direction, [u_phase0, u_phase1]);
+            let (wi, pdf) = match &turn {
+                Turn::Medium(phase) => phase.sample(ray.direction, [u_phase0, u_phase1]),
+                Turn::Surface(bsdf, interaction) => {
+                    let u = [u_phase0, u_phase1, uniform(sampler)];
+                    let Some(sample) = bsdf.sample(-ray.direction, u) else { break };
+                    beta *= sample.weight;
+                    if sample.transmitted && !interaction.parameters.thin_walled {
+                        if interaction.front_face {
+                            inside.push(interaction.interior.unwrap_or(interior::CLEAR));
+                        } else {
+                            inside.pop();
+                        }
+                    }
+                    (sample.wi, sample.pdf)
+                }
+            };
+            let origin = vertex.origin(p, wi);
             if MIS {
-                vertex = Some(Vertex { p, phase, incoming: ray.direction, pdf });
+                last = Some(Last { p, vertex, pdf });
             }
-            ray = Ray { origin: p, direction: wi };
+            ray = Ray { origin, direction: wi };
         }
         counters.paths += 1;
         counters.bounces += u64::from(bounces);
         counters.add_tally(&tally);
-        let alpha = if bounces > 0 { 1.0 } else { 0.0 };
+        if bounces > 0 {
+            alpha = 1.0;
+        }
         PixelSample { rgb: radiance.to_array(), alpha }
     }
 
@@ -140,7 +239,7 @@ impl<M: Media> Kernel<'_, M> {
     fn escape<const MIS: bool>(
         &self,
         ray: &Ray,
-        vertex: Option<&Vertex>,
+        last: Option<&Last<W::Vertex>>,
         null_probability: f32,
     ) -> Vec3 {
         if !MIS {
@@ -151,12 +250,10 @@ impl<M: Media> Kernel<'_, M> {
             radiance = self.environment.radiance(ray.direction);
         }
         self.lights.met_at_infinity(ray.direction, |light, sampled| {
-            let weight = match (vertex, sampled) {
-                (Some(vertex), Some((index, pdf))) => {
-                    let phase = |wi: Vec3| vertex.phase.eval(vertex.incoming.dot(wi));
-                    let pdf_light = pdf * self.lights.probability(index, vertex.p, phase);
-                    let pdf_path = vertex.pdf * null_probability;
-                    if pdf_light > 0.0 { pdf_path / (pdf_path + pdf_light) } else { 1.0 }
+            let weight = match (last, sampled) {
+                (Some(last), Some((index, pdf))) => {
+                    let pdf_light = pdf * self.probability(index, last);
+                    weight_of_path(last.pdf * null_probability, last.pdf, pdf_light)
                 }
                 // Seen directly, or never sent a shadow ray.
                 _ => 1.0,
@@ -166,18 +263,94 @@ impl<M: Media> Kernel<'_, M> {
         radiance
     }
 
+    /// Probability with which a shadow ray from a vertex is sent to light `index`.
+    #[inline(always)]
+    fn probability(&self, index: usize, last: &Last<W::Vertex>) -> f32 {
+        self.lights.probability(index, last.p, |wi| last.vertex.eval(wi).1)
+    }
+
+    /// Weight of an emissive triangle that a path has run into: distance, number and normal.
+    #[inline]
+    fn weight_of_lamp(
+        &self,
+        ray: &Ray,
+        (t, emitter, normal): (f64, Option<u32>, Vec3),
+        last: Option<&Last<W::Vertex>>,
+        null_probability: f32,
+    ) -> f32 {
+        let (Some(last), Some(emitter)) = (last, emitter) else { return 1.0 };
+        let Some((index, pdf)) = self.lights.met_lamp(emitter, last.p, t, normal.dot(ray.direction))
+        else {
+            return 1.0;
+        };
+        let pdf_light = pdf * self.probability(index, last);
+        weight_of_path(last.pdf * null_probability, last.pdf, pdf_light)
+    }
+
+    /// Light of fires along a flight that ends at `t_end` (and would have ended at `t_surface` at last), weighted against shadow rays.
+    ///
+    /// Points of a fire lie at equal steps of a rate that bounds its strength. Where flights end with the medium's own density and without weights, the points up
+    /// to the end are counted as they are: a flight survives to each with the transmittance. Else one of all points is drawn, and the transmittance to it
+    /// estimated. Densities per volume over distance squared are weighted; null collisions are left out on both sides.
+    #[inline(never)]
+    fn glow(
+        &self,
+        (ray, t_end, t_surface): (&Ray, f64, f64),
+        beta: Vec3,
+        last: Option<&Last<W::Vertex>>,
+        inside: &Inside,
+        sampler: &mut PathSampler,
+        tally: &mut Tally,
+    ) -> Vec3 {
+        let mut radiance = Vec3::ZERO;
+        // One of all points by weighted reservoir sampling, for flights with weights.
+        let (mut total, mut chosen) = (0.0f32, None);
+        let analog = self.analog_flights && inside.is_empty();
+        for (number, fire) in self.world.fires().iter().enumerate() {
+            let to = if analog { t_end } else { t_surface };
+            let target = self.lights.fire(number);
+            let probability =
+                last.zip(target).map(|(last, index)| (last.pdf, self.probability(index, last)));
+            let u = uniform(sampler);
+            fire.points(ray.origin, ray.direction, to, u, tally, |point| {
+                let weight = probability.map_or(1.0, |(pdf, probability)| {
+                    let volume = f64::from(fire.pdf(point.p)) * point.t * point.t;
+                    let pdf_light = (volume / f64::from(point.rate)) as f32 * probability;
+                    weight_of_path(pdf, pdf, pdf_light)
+                });
+                let light = point.contribution * weight;
+                if analog {
+                    radiance += light;
+                    return;
+                }
+                let strength = luminance(light);
+                if strength > 0.0 {
+                    total += strength;
+                    if uniform(sampler) * total < strength {
+                        chosen = Some((point.t, light / strength));
+                    }
+                }
+            });
+        }
+        if let Some((t, light)) = chosen {
+            let shadow = self.media.transmittance(ray, t, SHADOW_ROULETTE, sampler, tally);
+            let body = inside.last().map_or(Vec3::ONE, |body| interior::transmittance(body, t));
+            radiance += light * total * shadow.transmittance * body;
+        }
+        beta * radiance
+    }
+
     /// Radiance scattered at a vertex from one light, by a shadow ray.
     #[inline(always)]
     fn next_event<const MIS: bool, const EQUIANGULAR: bool>(
         &self,
-        at: &Shading<'_>,
+        at: &Shading<'_, W::Vertex>,
         u: [f32; 2],
         sampler: &mut PathSampler,
         tally: &mut Tally,
         counters: &mut Counters,
     ) -> Vec3 {
-        let phase = |wi: Vec3| at.phase.eval(at.direction.dot(wi));
-        let Some(choice) = self.lights.choose(at.p, phase, u[0]) else {
+        let Some(choice) = self.lights.choose(at.p, |wi| at.vertex.eval(wi).1, u[0]) else {
             return Vec3::ZERO;
         };
         let direction = if MIS || self.lights.len() > 1 {
@@ -185,40 +358,50 @@ impl<M: Media> Kernel<'_, M> {
         } else {
             [0.0; 2]
         };
-        let Some(light) = self.lights.sample(choice.index, at.p, direction) else {
+        let Some(light) = self.lights.sample(choice.index, at.p, direction, sampler) else {
             return Vec3::ZERO;
         };
-        let value = phase(light.wi);
+        let (value, size, pdf) = at.vertex.eval(light.wi);
         // The choice could not know where in an image the sample would lie; now it is known.
-        let aimed = if light.everywhere { value / ISOTROPIC } else { 1.0 };
+        let aimed = if light.everywhere { size / ISOTROPIC } else { 1.0 };
         let importance = choice.importance * at.strongest * aimed;
         let survive = (importance / SHADOW_IMPORTANCE).min(1.0);
         if survive < 1.0 && u[1] >= survive {
             return Vec3::ZERO;
         }
         counters.shadow_rays += 1;
-        let ray = Ray { origin: at.p, direction: light.wi };
+        let ray = Ray { origin: at.vertex.origin(at.p, light.wi), direction: light.wi };
+        if self.world.occluded(&ray, light.distance, light.end, sampler) {
+            return Vec3::ZERO;
+        }
         let threshold = (SHADOW_ROULETTE / (importance / survive)).min(0.5);
         let shadow = self.media.transmittance(&ray, light.distance, threshold, sampler, tally);
-        let mut weight = value / (choice.probability * survive);
+        let mut weight = 1.0 / (choice.probability * survive);
         if MIS && light.pdf > 0.0 {
             // Density of the same path under path sampling: its null decisions are weighted by the throughput of their channels.
-            let nulls = at.beta.dot(shadow.null_probability) / at.beta.element_sum();
+            let nulls = if W::WHOLE && light.along_the_way {
+                1.0
+            } else {
+                at.beta.dot(shadow.null_probability) / at.beta.element_sum()
+            };
             let pdf_light = light.pdf * choice.probability;
-            weight *= pdf_light / (pdf_light + value * nulls);
+            weight *= pdf_light / (pdf_light + pdf * nulls);
         }
         if EQUIANGULAR
+            && at.flight.in_medium
             && let Some(position) = self.lights.position(choice.index)
             && let Some(part) = at.flight.part
         {
-            weight *=
-                1.0 - self.equiangular_weight(at.flight.ray, part, position, at.flight.t) as f32;
+            let t = (at.p - at.flight.ray.origin).length();
+            weight *= 1.0 - self.equiangular_weight(at.flight.ray, part, position, t) as f32;
         }
-        at.beta * shadow.transmittance * light.weight * weight
+        let mut arrives = shadow.transmittance * light.weight;
+        if W::WHOLE && let Some(body) = at.inside.last() {
+            arrives *= interior::transmittance(body, light.distance);
+        }
+        at.beta * value * arrives * weight
     }
-}
 
-impl<M: Media> Kernel<'_, M> {
     /// Weight of an equiangular point at `t` against a flight that ends there: the balance heuristic between the density of the points and that
     /// of flights in a medium of typical extinction. A function of ray, light and `t` alone, the same for both techniques: whatever it is, the
     /// sum of both is unbiased.
@@ -271,7 +454,7 @@ impl<M: Media> Kernel<'_, M> {
         let weight = self.equiangular_weight(ray, part, light, t);
         let pdf = points.received() / total * points.pdf(t);
         let p = ray.at(t);
-        let Some(sample) = self.lights.sample(index, p, [0.0; 2]) else {
+        let Some(sample) = self.lights.sample(index, p, [0.0; 2], sampler) else {
             return Vec3::ZERO;
         };
         let mut scattered = Vec3::ZERO;
@@ -284,15 +467,31 @@ impl<M: Media> Kernel<'_, M> {
             return Vec3::ZERO;
         }
         counters.shadow_rays += 1;
+        let to_light = Ray { origin: p, direction: sample.wi };
+        if self.world.occluded(&to_light, sample.distance, None, sampler) {
+            return Vec3::ZERO;
+        }
         let there = self.media.transmittance(ray, t, SHADOW_ROULETTE, sampler, tally);
         if there.transmittance == Vec3::ZERO {
             return Vec3::ZERO;
         }
-        let to_light = Ray { origin: p, direction: sample.wi };
         let on =
             self.media.transmittance(&to_light, sample.distance, SHADOW_ROULETTE, sampler, tally);
         unshadowed * there.transmittance * on.transmittance
     }
+}
+
+/// What a path goes on from.
+enum Turn {
+    Medium(Phase),
+    Surface(Bsdf, pileus_scene::Interaction),
+}
+
+/// Balance heuristic of a path with density `pdf_path` against a shadow ray with `pdf_light`. Directions that were the only possible ones (`pdf` zero) no shadow
+/// ray stands for.
+#[inline(always)]
+fn weight_of_path(pdf_path: f32, pdf: f32, pdf_light: f32) -> f32 {
+    if pdf > 0.0 && pdf_light > 0.0 { pdf_path / (pdf_path + pdf_light) } else { 1.0 }
 }
 
 /// How a vertex was reached.
@@ -300,17 +499,18 @@ struct Flight<'a> {
     ray: &'a Ray,
     /// Of the ray, what equiangular points cover.
     part: Option<(f64, f64)>,
-    t: f64,
+    /// Whether the vertex lies in a medium, where such a point might have been.
+    in_medium: bool,
 }
 
 /// A vertex at which light is gathered.
-struct Shading<'a> {
+struct Shading<'a, V> {
     p: DVec3,
-    /// Propagation direction of the path that arrives.
-    direction: Vec3,
-    phase: Phase,
+    vertex: &'a V,
     /// Throughput, with the albedo of this vertex.
     beta: Vec3,
     strongest: f32,
+    /// The bodies that the vertex is in.
+    inside: &'a Inside,
     flight: Flight<'a>,
 }

@@ -11,6 +11,7 @@ use crate::path::Kernel;
 use crate::plan::{Plan, PlannedMedia};
 use crate::sampler::PathSampler;
 use crate::settings::RenderSettings;
+use crate::world::Whole;
 use glam::{DVec3, Vec3};
 use pileus_media::transmittance::ratio_tracking_with_roulette;
 use pileus_media::{
@@ -60,13 +61,14 @@ impl Media for Recorder<'_> {
     fn flight<R: Rng>(
         &self,
         ray: &Ray,
+        t_max: f64,
         first: Option<f32>,
         flown: &mut Flown,
         rng: &mut R,
         tally: &mut Tally,
     ) -> Option<Collision> {
-        let collision = self.media.flight(ray, first, flown, rng, tally);
-        self.record(ray, collision.map_or(f64::INFINITY, |c| c.t), 0.0);
+        let collision = self.media.flight(ray, t_max, first, flown, rng, tally);
+        self.record(ray, collision.map_or(t_max, |c| c.t), 0.0);
         collision
     }
 
@@ -86,8 +88,8 @@ impl Media for Recorder<'_> {
         self.media.scattering(p_world, visit);
     }
 
-    fn extent(&self, ray: &Ray) -> Option<(f64, f64)> {
-        self.media.extent(ray)
+    fn extent(&self, ray: &Ray, t_max: f64) -> Option<(f64, f64)> {
+        self.media.extent(ray, t_max)
     }
 
     fn properties(&self, collision: &Collision, p_world: DVec3) -> (Phase, Vec3) {
@@ -99,6 +101,8 @@ impl Pilot {
     /// Traces `paths` paths over a lattice of pixels. The same for every seed of the settings and any number of threads.
     pub fn new(scene: &Scene, plan: &Plan, settings: &RenderSettings, paths: u32) -> Pilot {
         let lights = Lights::new(scene, settings.light_sampling);
+        let fires: Vec<_> = scene.fires().cloned().collect();
+        let world = Whole { surfaces: scene.surfaces.as_deref(), fires: &fires };
         let [width, height] = scene.camera.resolution();
         let traced: Vec<(Vec<PilotRay>, u64)> = (0..paths)
             .into_par_iter()
@@ -112,10 +116,12 @@ impl Pilot {
                         },
                         rays: Mutex::new(Vec::new()),
                     },
+                    world,
                     lights: &lights,
                     environment: &scene.environment,
                     max_bounces: settings.max_bounces.unwrap_or(u32::MAX),
                     typical_sigma_t: 1.0,
+                    analog_flights: plan.analog_flights,
                 };
                 // A lattice of rank one covers the picture evenly whatever the number of paths.
                 let at = |step: f64, n: u32| (f64::from(i) * step).fract() * f64::from(n);
@@ -126,11 +132,7 @@ impl Pilot {
                 let [_, _, first, _] = sampler.stratified(0);
                 let mut counters = Counters::default();
                 let ray = Ray { origin, direction };
-                if plan.mis {
-                    kernel.trace::<true, false>(ray, &mut sampler, first, &mut counters);
-                } else {
-                    kernel.trace::<false, false>(ray, &mut sampler, first, &mut counters);
-                }
+                kernel.trace::<true, false>(ray, &mut sampler, first, &mut counters);
                 let rays = kernel.media.rays.into_inner();
                 (rays.unwrap_or_else(std::sync::PoisonError::into_inner), counters.collisions)
             })

@@ -9,7 +9,7 @@ use crate::thickness::typical_depth;
 use pileus_media::distance::DistanceSampler;
 use pileus_media::transmittance::Estimator;
 use pileus_media::{Albedo, MajorantStructure, Medium, Phase};
-use pileus_scene::{Light, Scene};
+use pileus_scene::{Light, Scene, Surfaces};
 use serde::Serialize;
 use std::fmt;
 use std::sync::Arc;
@@ -24,6 +24,8 @@ pub(crate) enum KernelKind {
     SingleGrey,
     /// A list of media, per channel.
     Overlapping,
+    /// The same with surfaces and light from volumes.
+    Whole,
 }
 
 /// A volume as planned.
@@ -88,6 +90,9 @@ pub struct Plan {
     /// Whether points seen by point-like lights at equal angles are sampled besides flights.
     #[serde(skip)]
     pub(crate) equiangular: bool,
+    /// Whether flights end with the density of the media and carry no weight.
+    #[serde(skip)]
+    pub(crate) analog_flights: bool,
     #[serde(skip)]
     pub(crate) methods: Methods,
     #[serde(skip)]
@@ -127,7 +132,10 @@ impl Plan {
             scene.volumes.iter().map(|volume| describe(&volume.name, &volume.medium)).collect();
         let grids = scene.volumes.iter().filter(|v| matches!(*v.medium, Medium::Grid(_))).count();
         let grey = volumes.iter().all(|v| v.grey);
+        let surfaces = scene.surfaces.as_deref();
+        let fires = scene.fires().count();
         let kernel = match volumes.len() {
+            _ if surfaces.is_some() || fires > 0 => KernelKind::Whole,
             0 => KernelKind::Empty,
             1 if grids == 1 && grey => KernelKind::SingleGrey,
             _ => KernelKind::Overlapping,
@@ -137,6 +145,17 @@ impl Plan {
             KernelKind::SingleGrey => "one grid of grey extinction: the kernel knows no channels of distance and no list of \
                  media"
                 .to_owned(),
+            KernelKind::Whole => {
+                let counts = surfaces.map(Surfaces::counts).unwrap_or_default();
+                let lamps = surfaces.map_or(0, |surfaces| surfaces.emitters().len());
+                format!(
+                    "{} triangles in {} instances ({lamps} of them emissive), {fires} volumes that give off light, {} media: surfaces are events \
+                     along the ray, in order with the collisions",
+                    counts.triangles,
+                    counts.instances,
+                    volumes.len()
+                )
+            }
             KernelKind::Overlapping if grey => {
                 format!("{} media: collisions are taken in order along the ray", volumes.len())
             }
@@ -147,8 +166,8 @@ impl Plan {
         });
         let lights = Lights::new(scene, settings.light_sampling);
         let suns = scene.lights.iter().filter(|l| matches!(l, Light::Sun(_))).count();
-        let mis = lights.need_mis();
-        if mis {
+        let mis = lights.need_mis() || kernel == KernelKind::Whole;
+        if lights.need_mis() {
             reasons.push(
                 "a light can be met by shadow rays and by paths: both are weighted by the densities of the null-scattering path"
                     .into(),
@@ -204,6 +223,16 @@ impl Plan {
             },
             transmittance: Transmittance::By(methods.transmittance),
             equiangular,
+            // Grey flights of these samplers have weight one.
+            analog_flights: grey
+                && matches!(
+                    methods.distance,
+                    DistanceSampler::Delta
+                        | DistanceSampler::Spectral
+                        | DistanceSampler::Regular
+                        | DistanceSampler::Analytic
+                        | DistanceSampler::Decomposition
+                ),
             methods,
             media: prepare(scene, settings)?,
             majorant_scale: settings.majorant_scale,
@@ -237,6 +266,7 @@ impl Plan {
             KernelKind::Empty => "empty",
             KernelKind::SingleGrey => "single_grey",
             KernelKind::Overlapping => "overlapping",
+            KernelKind::Whole => "whole",
         }
     }
 }

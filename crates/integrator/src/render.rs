@@ -11,6 +11,7 @@ use crate::plan::{KernelKind, Plan};
 use crate::sampler::PathSampler;
 use crate::settings::RenderSettings;
 use crate::thickness::typical_sigma_t;
+use crate::world::{MediaAlone, Whole, World};
 use pileus_film::{Film, PixelSample, Tile};
 use pileus_media::{GridMedium, MajorantStructure, Medium, Voxel, VoxelKernel};
 use pileus_scene::Scene;
@@ -85,12 +86,12 @@ pub fn sample_pixel(
     }
     impl Job for One<'_> {
         type Output = PixelSample;
-        fn run<M: Media, const MIS: bool, const EQUIANGULAR: bool>(
+        fn run<M: Media, W: World, const MIS: bool, const EQUIANGULAR: bool>(
             &mut self,
-            kernel: &Kernel<'_, M>,
+            kernel: &Kernel<'_, M, W>,
         ) -> PixelSample {
             let mut counters = Counters::default();
-            trace::<M, MIS, EQUIANGULAR>(
+            trace::<M, W, MIS, EQUIANGULAR>(
                 kernel,
                 self.scene,
                 self.settings,
@@ -107,19 +108,23 @@ pub fn sample_pixel(
 /// Work that is compiled for each kernel.
 trait Job {
     type Output;
-    fn run<M: Media, const MIS: bool, const EQUIANGULAR: bool>(
+    fn run<M: Media, W: World, const MIS: bool, const EQUIANGULAR: bool>(
         &mut self,
-        kernel: &Kernel<'_, M>,
+        kernel: &Kernel<'_, M, W>,
     ) -> Self::Output;
 }
 
 /// Compiles a job's kernel with what the plan needs.
-fn run_planned<J: Job, M: Media>(plan: &Plan, job: &mut J, kernel: &Kernel<'_, M>) -> J::Output {
+fn run_planned<J: Job, M: Media>(
+    plan: &Plan,
+    job: &mut J,
+    kernel: &Kernel<'_, M, MediaAlone>,
+) -> J::Output {
     match (plan.mis, plan.equiangular) {
-        (false, false) => job.run::<M, false, false>(kernel),
-        (true, false) => job.run::<M, true, false>(kernel),
-        (false, true) => job.run::<M, false, true>(kernel),
-        (true, true) => job.run::<M, true, true>(kernel),
+        (false, false) => job.run::<M, MediaAlone, false, false>(kernel),
+        (true, false) => job.run::<M, MediaAlone, true, false>(kernel),
+        (false, true) => job.run::<M, MediaAlone, false, true>(kernel),
+        (true, true) => job.run::<M, MediaAlone, true, true>(kernel),
     }
 }
 
@@ -146,12 +151,35 @@ fn dispatch<J: Job>(
             medium.with_voxels(On::<_, AnyStructure>(single, PhantomData))
         };
     }
+    let media = Overlapping { media, index: &plan.media.index, methods: plan.methods };
+    let (environment, analog_flights) = (&scene.environment, plan.analog_flights);
+    if plan.kernel == KernelKind::Whole {
+        let fires: Vec<_> = scene.fires().cloned().collect();
+        let world = Whole { surfaces: scene.surfaces.as_deref(), fires: &fires };
+        let kernel = Kernel {
+            media,
+            world,
+            lights,
+            environment,
+            max_bounces,
+            typical_sigma_t,
+            analog_flights,
+        };
+        return if plan.equiangular {
+            job.run::<_, _, true, true>(&kernel)
+        } else {
+            job.run::<_, _, true, false>(&kernel)
+        };
+    }
+    let world = MediaAlone;
     let kernel = Kernel {
-        media: Overlapping { media, index: &plan.media.index, methods: plan.methods },
+        media,
+        world,
         lights,
-        environment: &scene.environment,
+        environment,
         max_bounces,
         typical_sigma_t,
+        analog_flights,
     };
     run_planned(plan, job, &kernel)
 }
@@ -181,10 +209,12 @@ impl<J: Job, S: Structures> VoxelKernel for On<Single<'_, J>, S> {
                 voxels,
                 methods: plan.methods,
             },
+            world: MediaAlone,
             lights,
             environment: &scene.environment,
             max_bounces,
             typical_sigma_t,
+            analog_flights: plan.analog_flights,
         };
         run_planned(plan, job, &kernel)
     }
@@ -192,8 +222,8 @@ impl<J: Job, S: Structures> VoxelKernel for On<Single<'_, J>, S> {
 
 /// Traces one sample of one pixel.
 #[inline(always)]
-fn trace<M: Media, const MIS: bool, const EQUIANGULAR: bool>(
-    kernel: &Kernel<'_, M>,
+fn trace<M: Media, W: World, const MIS: bool, const EQUIANGULAR: bool>(
+    kernel: &Kernel<'_, M, W>,
     scene: &Scene,
     settings: &RenderSettings,
     [x, y]: [u32; 2],
@@ -219,9 +249,9 @@ struct Run<'a> {
 impl Job for Run<'_> {
     type Output = Counters;
 
-    fn run<M: Media, const MIS: bool, const EQUIANGULAR: bool>(
+    fn run<M: Media, W: World, const MIS: bool, const EQUIANGULAR: bool>(
         &mut self,
-        kernel: &Kernel<'_, M>,
+        kernel: &Kernel<'_, M, W>,
     ) -> Counters {
         let tiles = self.film.tiles(self.settings.tile_size);
         let range = self.settings.samples.clone();
@@ -236,7 +266,7 @@ impl Job for Run<'_> {
             let pass = next..(next + length).min(range.end);
             let start = Instant::now();
             let Some((rendered, pass_counters)) =
-                self.pass::<M, MIS, EQUIANGULAR>(kernel, &tiles, pass.clone(), &done, total)
+                self.pass::<M, W, MIS, EQUIANGULAR>(kernel, &tiles, pass.clone(), &done, total)
             else {
                 break;
             };
@@ -260,9 +290,9 @@ impl Job for Run<'_> {
 
 impl Run<'_> {
     /// One pass over all tiles; `None` if it was cancelled.
-    fn pass<M: Media, const MIS: bool, const EQUIANGULAR: bool>(
+    fn pass<M: Media, W: World, const MIS: bool, const EQUIANGULAR: bool>(
         &self,
-        kernel: &Kernel<'_, M>,
+        kernel: &Kernel<'_, M, W>,
         tiles: &[(u32, u32, u32, u32)],
         samples: Range<u64>,
         done: &AtomicU64,
@@ -279,7 +309,7 @@ impl Run<'_> {
                 for y in y0..y0 + height {
                     for x in x0..x0 + width {
                         for sample in samples.clone() {
-                            let value = trace::<M, MIS, EQUIANGULAR>(
+                            let value = trace::<M, W, MIS, EQUIANGULAR>(
                                 kernel,
                                 self.scene,
                                 self.settings,

@@ -491,15 +491,15 @@ impl Medium {
         }
     }
 
-    /// The part of a ray that may hold extinction, in world distance from its origin; may end at infinity.
-    pub fn extent(&self, origin: DVec3, direction: Vec3) -> Option<(f64, f64)> {
+    /// The part of a ray up to `t_max` that may hold extinction, in world distance from its origin; may end at infinity.
+    pub fn extent(&self, origin: DVec3, direction: Vec3, t_max: f64) -> Option<(f64, f64)> {
         match self {
             Medium::Grid(medium) => {
-                let span = medium.span(origin, direction, f64::INFINITY)?;
+                let span = medium.span(origin, direction, t_max)?;
                 Some((span.t_enter, span.t_enter + f64::from(span.length)))
             }
             Medium::Homogeneous(medium) => {
-                let (t_enter, length) = medium.span(origin, direction, f64::INFINITY)?;
+                let (t_enter, length) = medium.span(origin, direction, t_max)?;
                 Some((t_enter, t_enter + f64::from(length)))
             }
         }

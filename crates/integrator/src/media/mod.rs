@@ -84,10 +84,11 @@ impl Methods {
 
 /// All media of a scene.
 pub(crate) trait Media: Sync {
-    /// Flies to the next real collision; `None` when the ray escapes. `first`: stratified majorant depth of the first collision.
+    /// Flies to the next real collision before `t_max`; `None` when the ray gets there. `first`: stratified majorant depth of the first collision.
     fn flight<R: Rng>(
         &self,
         ray: &Ray,
+        t_max: f64,
         first: Option<f32>,
         flown: &mut Flown,
         rng: &mut R,
@@ -108,8 +109,8 @@ pub(crate) trait Media: Sync {
     /// Calls `visit` with scattering coefficient per channel, 1/length, and phase function of every medium at a point.
     fn scattering(&self, p_world: DVec3, visit: impl FnMut(Vec3, &Phase));
 
-    /// The part of a ray that may hold extinction.
-    fn extent(&self, ray: &Ray) -> Option<(f64, f64)>;
+    /// The part of a ray up to `t_max` that may hold extinction.
+    fn extent(&self, ray: &Ray, t_max: f64) -> Option<(f64, f64)>;
 
     /// Phase function and albedo at a collision.
     fn properties(&self, collision: &Collision, p_world: DVec3) -> (Phase, Vec3);

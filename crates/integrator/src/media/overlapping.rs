@@ -277,7 +277,7 @@ impl<'a> Overlapping<'a> {
     #[inline]
     fn fly_alone<R: Rng>(
         &self,
-        ray: &Ray,
+        (ray, t_max): (&Ray, f64),
         (index, entry): (usize, Entry<'_>),
         first: Option<f32>,
         flown: &mut Flown,
@@ -292,7 +292,7 @@ impl<'a> Overlapping<'a> {
         let flight =
             entry.with_field(FlyAlone { depth, beta, relative, by_throughput, rng, tally });
         flown.beta *= flight.weight;
-        if self.methods.weigh_the_way() && !endless(medium, ray, f64::INFINITY) {
+        if self.methods.weigh_the_way() && !endless(medium, ray, t_max) {
             flown.null_probability *= flight.null_probability;
         }
         match flight.flight {
@@ -305,7 +305,7 @@ impl<'a> Overlapping<'a> {
     /// weights of all flights count, since those that flew further stand for the transmittance up to there.
     fn fly_each<R: Rng>(
         &self,
-        ray: &Ray,
+        (ray, t_max): (&Ray, f64),
         mut ahead: Ahead<'_>,
         mut first: Option<f32>,
         flown: &mut Flown,
@@ -335,7 +335,7 @@ impl<'a> Overlapping<'a> {
             // What shadow rays know in closed form is counted on escape.
             let counted = self.methods.weigh_the_way()
                 && closed_form(medium, ray, 0.0).is_none()
-                && !endless(medium, ray, f64::INFINITY);
+                && !endless(medium, ray, t_max);
             if counted {
                 flown.null_probability *= null_probability;
             }
@@ -350,10 +350,10 @@ impl<'a> Overlapping<'a> {
     }
 
     /// Light sampling takes these transmittances in closed form; path sampling had to survive them.
-    fn count_closed_forms(&self, met: &Met, ray: &Ray, flown: &mut Flown) {
+    fn count_closed_forms(&self, met: &Met, ray: &Ray, t_max: f64, flown: &mut Flown) {
         for &index in met {
             let medium = &self.media[index as usize];
-            if let Some(transmittance) = closed_form(medium, ray, f64::INFINITY) {
+            if let Some(transmittance) = closed_form(medium, ray, t_max) {
                 flown.null_probability *= transmittance;
             }
         }
@@ -364,17 +364,18 @@ impl Media for Overlapping<'_> {
     fn flight<R: Rng>(
         &self,
         ray: &Ray,
+        t_max: f64,
         first: Option<f32>,
         flown: &mut Flown,
         rng: &mut R,
         tally: &mut Tally,
     ) -> Option<Collision> {
-        let met = self.index.along(ray, f64::INFINITY);
-        let mut ahead = self.ahead(&met, ray, f64::INFINITY);
+        let met = self.index.along(ray, t_max);
+        let mut ahead = self.ahead(&met, ray, t_max);
         if !matches!(self.methods.distance, DistanceSampler::Spectral | DistanceSampler::Delta) {
-            let collision = self.fly_each(ray, ahead, first, flown, rng, tally);
+            let collision = self.fly_each((ray, t_max), ahead, first, flown, rng, tally);
             if collision.is_none() {
-                self.count_closed_forms(&met, ray, flown);
+                self.count_closed_forms(&met, ray, t_max, flown);
             }
             return collision;
         }
@@ -385,7 +386,7 @@ impl Media for Overlapping<'_> {
                 ahead.push((index, entry));
                 break;
             }
-            let collision = self.fly_alone(ray, (index, entry), first.take(), flown, rng, tally);
+            let collision = self.fly_alone((ray, t_max), (index, entry), first.take(), flown, rng, tally);
             if collision.is_some() {
                 return collision;
             }
@@ -405,7 +406,7 @@ impl Media for Overlapping<'_> {
                 let next = walk.next(rng);
                 let medium = &self.media[index];
                 let relative = medium.relative_extinction();
-                let weighted = self.methods.weigh_the_way() && !endless(medium, ray, f64::INFINITY);
+                let weighted = self.methods.weigh_the_way() && !endless(medium, ray, t_max);
                 walkers.push(Walker {
                     medium: index,
                     t_enter: entry.t(),
@@ -445,7 +446,7 @@ impl Media for Overlapping<'_> {
             tally.majorant_steps += walker.walk.field().steps();
         }
         if collision.is_none() {
-            self.count_closed_forms(&met, ray, flown);
+            self.count_closed_forms(&met, ray, t_max, flown);
         }
         collision
     }
@@ -501,11 +502,11 @@ impl Media for Overlapping<'_> {
         }
     }
 
-    fn extent(&self, ray: &Ray) -> Option<(f64, f64)> {
+    fn extent(&self, ray: &Ray, t_max: f64) -> Option<(f64, f64)> {
         let mut hull: Option<(f64, f64)> = None;
-        for index in self.index.along(ray, f64::INFINITY) {
+        for index in self.index.along(ray, t_max) {
             let medium = &self.media[index as usize];
-            if let Some((t0, t1)) = medium.extent(ray.origin, ray.direction) {
+            if let Some((t0, t1)) = medium.extent(ray.origin, ray.direction, t_max) {
                 hull = Some(hull.map_or((t0, t1), |(a, b)| (a.min(t0), b.max(t1))));
             }
         }

@@ -103,12 +103,13 @@ impl<V: Voxel, S: Structures> Media for SingleGrey<'_, V, S> {
     fn flight<R: Rng>(
         &self,
         ray: &Ray,
+        t_max: f64,
         first: Option<f32>,
         flown: &mut Flown,
         rng: &mut R,
         tally: &mut Tally,
     ) -> Option<Collision> {
-        let span = self.medium.span(ray.origin, ray.direction, f64::INFINITY)?;
+        let span = self.medium.span(ray.origin, ray.direction, t_max)?;
         let flight = if self.methods.distance == DistanceSampler::Delta {
             let field = S::ray(self.medium, self.voxels, &span);
             let walk = match first {
@@ -162,8 +163,8 @@ impl<V: Voxel, S: Structures> Media for SingleGrey<'_, V, S> {
         }
     }
 
-    fn extent(&self, ray: &Ray) -> Option<(f64, f64)> {
-        let span = self.medium.span(ray.origin, ray.direction, f64::INFINITY)?;
+    fn extent(&self, ray: &Ray, t_max: f64) -> Option<(f64, f64)> {
+        let span = self.medium.span(ray.origin, ray.direction, t_max)?;
         Some((span.t_enter, span.t_enter + f64::from(span.length)))
     }
 

@@ -1,17 +1,18 @@
 //! Lights that next-event estimation can aim at, and the choice among them.
 
+mod tree;
+
 use crate::settings::LightSampling;
+use crate::world::luminance;
 use glam::{DVec3, Vec3};
+use pileus_media::EmissionField;
 use pileus_media::elementary::sin_cos_turn;
 use pileus_media::phase::ISOTROPIC;
-use pileus_scene::{EnvironmentImage, Light, Scene};
+use pileus_media::random::uniform;
+use pileus_scene::{EnvironmentImage, Light, Scene, Surfaces};
+use rand_core::Rng;
 use std::sync::Arc;
-
-/// Luminance of linear Rec. 709.
-#[inline(always)]
-fn luminance(c: Vec3) -> f32 {
-    c.dot(Vec3::new(0.2126, 0.7152, 0.0722))
-}
+use tree::{LightTree, TreeLight};
 
 /// A light as sampled from a vertex in a medium.
 #[derive(Debug, Clone)]
@@ -24,12 +25,120 @@ pub(crate) enum Target {
     Position { light: Light, position: DVec3, strength: f32 },
     /// What is bright in the environment image.
     Image { image: Arc<EnvironmentImage>, strength: f32 },
+    /// All emissive triangles.
+    Lamps(Lamps),
+    /// A volume that gives off light.
+    Fire(Fire),
+}
+
+/// Emissive triangles under a tree.
+#[derive(Debug, Clone)]
+pub(crate) struct Lamps {
+    surfaces: Arc<Surfaces>,
+    tree: LightTree,
+}
+
+impl Lamps {
+    fn new(surfaces: &Arc<Surfaces>) -> Lamps {
+        let lights: Vec<TreeLight> = surfaces
+            .emitters()
+            .iter()
+            .map(|lamp| TreeLight {
+                p: [lamp.p0, lamp.p0 + lamp.e1, lamp.p0 + lamp.e2],
+                normal: lamp.normal,
+                strength: luminance(lamp.radiance) * lamp.area as f32,
+                two_sided: lamp.two_sided,
+            })
+            .collect();
+        Lamps { surfaces: Arc::clone(surfaces), tree: LightTree::new(&lights) }
+    }
+
+    /// A point on a triangle as seen from `p`. `u`: where on it; `which`: which one.
+    fn sample(&self, p: DVec3, u: [f32; 2], which: f32) -> Option<LightSample> {
+        let (number, probability) = self.tree.choose(p, which)?;
+        let lamp = self.surfaces.emitters().get(number as usize)?;
+        // Uniform barycentric coordinates [Turk 1990].
+        let root = u[0].sqrt();
+        let [b1, b2] = [root * (1.0 - u[1]), root * u[1]];
+        let end = lamp.point([b1, b2], p);
+        let to = end - p;
+        let distance = to.length();
+        let wi = (to / distance).as_vec3();
+        let pdf = probability * pdf_of_area(lamp.area, distance, lamp.normal.dot(wi));
+        // Also refuses NaN, of points on the lamp itself.
+        if !(pdf > 0.0 && pdf.is_finite()) {
+            return None;
+        }
+        let radiance = self.surfaces.emitted(number, [b1, b2], wi);
+        Some(LightSample {
+            wi,
+            distance,
+            end: Some(end),
+            weight: radiance / pdf,
+            pdf,
+            everywhere: false,
+            along_the_way: false,
+        })
+    }
+}
+
+/// Density per solid angle of uniform points on an area seen at a distance under a cosine; infinite edge-on.
+fn pdf_of_area(area: f64, distance: f64, cos: f32) -> f32 {
+    (distance * distance / (area * f64::from(cos.abs()))) as f32
+}
+
+/// A volume that gives off light, as a light.
+#[derive(Debug, Clone)]
+pub(crate) struct Fire {
+    field: Arc<EmissionField>,
+    /// Number among the scene's fires.
+    number: usize,
+    centre: DVec3,
+    /// Square of half its size: within it, it is no nearer.
+    size2: f64,
+    strength: f32,
+}
+
+impl Fire {
+    fn new(number: usize, field: &Arc<EmissionField>) -> Option<Fire> {
+        let (low, high) = field.bounds_world()?;
+        let strength = field.power() as f32;
+        (strength > 0.0).then(|| Fire {
+            field: Arc::clone(field),
+            number,
+            centre: 0.5 * (low + high),
+            size2: (0.5 * (high - low)).length_squared() / 3.0,
+            strength,
+        })
+    }
+
+    /// A point of the volume, drawn by what it emits. Its density is one per volume; it is given as the density per solid angle that has the same ratio to
+    /// that of paths, which score in the volume at the field's rate.
+    fn sample<R: Rng + ?Sized>(&self, p: DVec3, u: [f32; 2], rng: &mut R) -> Option<LightSample> {
+        let point = self.field.sample([u[0], u[1], uniform(rng), uniform(rng)])?;
+        let to = point.p - p;
+        let distance = to.length();
+        let rate = self.field.rate(point.p);
+        let per_direction = f64::from(point.pdf) * distance * distance;
+        if !(per_direction > 0.0 && per_direction.is_finite() && rate > 0.0) {
+            return None;
+        }
+        Some(LightSample {
+            wi: (to / distance).as_vec3(),
+            distance,
+            end: None,
+            weight: (point.emission.as_dvec3() / per_direction).as_vec3(),
+            pdf: (per_direction / f64::from(rate)) as f32,
+            everywhere: false,
+            along_the_way: true,
+        })
+    }
 }
 
 impl Target {
     /// Whether a path can run into it.
     fn met_by_paths(&self) -> bool {
-        matches!(self, Target::Disc(_) | Target::Image { .. })
+        !matches!(self, Target::Direction { .. } | Target::Position { .. })
     }
 }
 
@@ -79,12 +188,16 @@ pub(crate) struct LightSample {
     pub(crate) wi: Vec3,
     /// Distance to the light; infinite for distant ones.
     pub(crate) distance: f64,
+    /// The point itself, if it lies on a surface.
+    pub(crate) end: Option<DVec3>,
     /// Radiance over the density of the direction; irradiance for delta lights.
     pub(crate) weight: Vec3,
     /// Density of the direction, 1/sr, for lights that a path can also run into; zero for delta lights.
     pub(crate) pdf: f32,
     /// Whether the direction may lie anywhere, so that the choice of the light did not know the phase function's value.
     pub(crate) everywhere: bool,
+    /// Whether a path meets it on its way, not at its end: weights leave out null collisions then.
+    pub(crate) along_the_way: bool,
 }
 
 /// All lights of a scene that shadow rays are sent to.
@@ -138,6 +251,14 @@ impl Lights {
             let strength = image.sampled_power();
             targets.push(Target::Image { image: Arc::clone(image), strength });
         }
+        if let Some(surfaces) = &scene.surfaces {
+            let lamps = Lamps::new(surfaces);
+            if !lamps.tree.is_empty() {
+                targets.push(Target::Lamps(lamps));
+            }
+        }
+        let fires = scene.fires().enumerate().filter_map(|(i, field)| Fire::new(i, field));
+        targets.extend(fires.map(Target::Fire));
         let mut paths_only = Vec::new();
         if sampling == LightSampling::Paths {
             (paths_only, targets) = targets.into_iter().partition(Target::met_by_paths);
@@ -189,6 +310,16 @@ impl Lights {
                 (received * phase((to / distance2.sqrt()).as_vec3()), received * ISOTROPIC)
             }
             Target::Image { strength, .. } => (strength * ISOTROPIC, strength * ISOTROPIC),
+            // Lights of some size: their middle says little of what a vertex sees of them.
+            Target::Lamps(lamps) => {
+                let received = lamps.tree.estimate(p) * ISOTROPIC;
+                (received, received)
+            }
+            Target::Fire(fire) => {
+                let distance2 = (fire.centre - p).length_squared().max(fire.size2).max(1e-30);
+                let received = (f64::from(fire.strength) / distance2) as f32 * ISOTROPIC;
+                (received, received)
+            }
         }
     }
 
@@ -227,21 +358,31 @@ impl Lights {
 
     /// A direction towards light `index` from `p`.
     #[inline(always)]
-    pub(crate) fn sample(&self, index: usize, p: DVec3, u: [f32; 2]) -> Option<LightSample> {
+    pub(crate) fn sample<R: Rng + ?Sized>(
+        &self,
+        index: usize,
+        p: DVec3,
+        u: [f32; 2],
+        rng: &mut R,
+    ) -> Option<LightSample> {
         match &self.targets[index] {
             Target::Direction { to_light, irradiance, .. } => Some(LightSample {
                 wi: *to_light,
                 distance: f64::INFINITY,
+                end: None,
                 weight: *irradiance,
                 pdf: 0.0,
                 everywhere: false,
+                along_the_way: false,
             }),
             Target::Disc(disc) => Some(LightSample {
                 wi: disc.sample(u),
                 distance: f64::INFINITY,
+                end: None,
                 weight: disc.radiance / disc.pdf,
                 pdf: disc.pdf,
                 everywhere: false,
+                along_the_way: false,
             }),
             Target::Position { light, position, .. } => {
                 let to = *position - p;
@@ -256,19 +397,57 @@ impl Lights {
                     _ => Vec3::ZERO,
                 };
                 let weight = (intensity.as_dvec3() / (distance * distance)).as_vec3();
-                Some(LightSample { wi, distance, weight, pdf: 0.0, everywhere: false })
+                Some(LightSample {
+                    wi,
+                    distance,
+                    end: None,
+                    weight,
+                    pdf: 0.0,
+                    everywhere: false,
+                    along_the_way: false,
+                })
             }
             Target::Image { image, .. } => {
                 let sample = image.sample(u)?;
                 Some(LightSample {
                     wi: sample.wi,
                     distance: f64::INFINITY,
+                end: None,
                     weight: sample.radiance / sample.pdf,
                     pdf: sample.pdf,
                     everywhere: true,
+                    along_the_way: false,
                 })
             }
+            Target::Lamps(lamps) => lamps.sample(p, u, uniform(rng)),
+            Target::Fire(fire) => fire.sample(p, u, rng),
         }
+    }
+
+    /// For a path from `p` that met emissive triangle `emitter` at a distance under a cosine: the light it belongs to, and the density of its direction; `None` if
+    /// no shadow ray is sent there.
+    pub(crate) fn met_lamp(
+        &self,
+        emitter: u32,
+        p: DVec3,
+        distance: f64,
+        cos: f32,
+    ) -> Option<(usize, f32)> {
+        self.targets.iter().enumerate().find_map(|(index, target)| match target {
+            Target::Lamps(lamps) => {
+                let lamp = lamps.surfaces.emitters().get(emitter as usize)?;
+                let pdf = pdf_of_area(lamp.area, distance, cos);
+                Some((index, lamps.tree.probability(emitter, p) * pdf))
+            }
+            _ => None,
+        })
+    }
+
+    /// Index of fire number `number` of the scene; `None` if no shadow ray is sent to it.
+    pub(crate) fn fire(&self, number: usize) -> Option<usize> {
+        self.targets
+            .iter()
+            .position(|target| matches!(target, Target::Fire(fire) if fire.number == number))
     }
 
     /// Calls `visit` for every light at infinity that an escaping ray meets: its radiance, and if shadow rays are sent to it, its

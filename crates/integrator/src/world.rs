@@ -1,0 +1,173 @@
+//! What a path can meet besides media: surfaces and light from volumes. Scenes without either run kernels in which none of this is compiled.
+
+use crate::media::Ray;
+use glam::{DVec3, Vec3};
+use pileus_media::{EmissionField, Phase};
+use pileus_scene::{Bsdf, Hit, Interaction, Surfaces};
+use rand_core::Rng;
+use std::sync::Arc;
+
+/// What scatters light at a vertex of a path.
+pub(crate) trait Vertex {
+    /// For light that arrives from `wi`: the value (a phase function, or a BSDF times the cosine), one number that stands for it, and the density with which
+    /// paths are continued towards `wi`, 1/sr.
+    fn eval(&self, wi: Vec3) -> (Vec3, f32, f32);
+
+    /// Where a ray towards `wi` starts from a vertex at `p`.
+    fn origin(&self, p: DVec3, wi: Vec3) -> DVec3;
+}
+
+/// A scattering in a medium.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct InMedium {
+    pub(crate) phase: Phase,
+    /// Propagation direction before the scattering.
+    pub(crate) incoming: Vec3,
+}
+
+impl Vertex for InMedium {
+    #[inline(always)]
+    fn eval(&self, wi: Vec3) -> (Vec3, f32, f32) {
+        let value = self.phase.eval(self.incoming.dot(wi));
+        (Vec3::splat(value), value, value)
+    }
+
+    #[inline(always)]
+    fn origin(&self, p: DVec3, _: Vec3) -> DVec3 {
+        p
+    }
+}
+
+/// A scattering in a medium or at a surface.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Anywhere {
+    Medium(InMedium),
+    Surface { bsdf: Bsdf, wo: Vec3, interaction: Interaction },
+}
+
+impl Vertex for Anywhere {
+    #[inline]
+    fn eval(&self, wi: Vec3) -> (Vec3, f32, f32) {
+        match self {
+            Anywhere::Medium(vertex) => vertex.eval(wi),
+            Anywhere::Surface { bsdf, wo, .. } => {
+                let (value, pdf) = bsdf.eval_pdf(*wo, wi);
+                (value, luminance(value), pdf)
+            }
+        }
+    }
+
+    #[inline]
+    fn origin(&self, p: DVec3, wi: Vec3) -> DVec3 {
+        match self {
+            Anywhere::Medium(_) => p,
+            Anywhere::Surface { interaction, .. } => interaction.spawn(wi),
+        }
+    }
+}
+
+/// Luminance of linear Rec. 709.
+#[inline(always)]
+pub(crate) fn luminance(c: Vec3) -> f32 {
+    c.dot(Vec3::new(0.2126, 0.7152, 0.0722))
+}
+
+/// What a kernel is compiled with.
+pub(crate) trait World: Sync {
+    /// Whether there is anything: all else is left out if not.
+    const WHOLE: bool;
+    /// What scatters.
+    type Vertex: Vertex + Copy;
+    /// A scattering in a medium.
+    fn in_medium(vertex: InMedium) -> Self::Vertex;
+    /// A scattering at a surface.
+    fn at_surface(bsdf: Bsdf, wo: Vec3, interaction: Interaction) -> Option<Self::Vertex>;
+    /// The triangles.
+    fn surfaces(&self) -> Option<&Surfaces>;
+    /// Volumes that give off light.
+    fn fires(&self) -> &[Arc<EmissionField>];
+
+    /// The nearest surface on a ray.
+    #[inline(always)]
+    fn intersect<R: Rng>(&self, ray: &Ray, rng: &mut R) -> Option<Hit> {
+        if !Self::WHOLE {
+            return None;
+        }
+        self.surfaces()?.intersect(ray.origin, ray.direction, f64::INFINITY, rng)
+    }
+
+    /// Whether a surface hides what lies at `distance`, or at `end` if that is a point of a surface itself.
+    #[inline(always)]
+    fn occluded<R: Rng>(
+        &self,
+        ray: &Ray,
+        distance: f64,
+        end: Option<DVec3>,
+        rng: &mut R,
+    ) -> bool {
+        if !Self::WHOLE {
+            return false;
+        }
+        let Some(surfaces) = self.surfaces() else { return false };
+        match end {
+            Some(end) => surfaces.occluded_between(ray.origin, end, rng),
+            None => surfaces.occluded(ray.origin, ray.direction, distance, rng),
+        }
+    }
+}
+
+/// Nothing but media.
+pub(crate) struct MediaAlone;
+
+impl World for MediaAlone {
+    const WHOLE: bool = false;
+    type Vertex = InMedium;
+
+    #[inline(always)]
+    fn in_medium(vertex: InMedium) -> InMedium {
+        vertex
+    }
+
+    #[inline(always)]
+    fn at_surface(_: Bsdf, _: Vec3, _: Interaction) -> Option<InMedium> {
+        None
+    }
+
+    #[inline(always)]
+    fn surfaces(&self) -> Option<&Surfaces> {
+        None
+    }
+
+    #[inline(always)]
+    fn fires(&self) -> &[Arc<EmissionField>] {
+        &[]
+    }
+}
+
+/// Media, surfaces and fire.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Whole<'a> {
+    pub(crate) surfaces: Option<&'a Surfaces>,
+    pub(crate) fires: &'a [Arc<EmissionField>],
+}
+
+impl World for Whole<'_> {
+    const WHOLE: bool = true;
+    type Vertex = Anywhere;
+
+    fn in_medium(vertex: InMedium) -> Anywhere {
+        Anywhere::Medium(vertex)
+    }
+
+    fn at_surface(bsdf: Bsdf, wo: Vec3, interaction: Interaction) -> Option<Anywhere> {
+        Some(Anywhere::Surface { bsdf, wo, interaction })
+    }
+
+    fn surfaces(&self) -> Option<&Surfaces> {
+        self.surfaces
+    }
+
+    fn fires(&self) -> &[Arc<EmissionField>] {
+        self.fires
+    }
+}
