@@ -10,6 +10,7 @@ mod interaction;
 mod material;
 mod mesh;
 mod parameters;
+mod split;
 mod texture;
 mod tree;
 pub mod triangle;
@@ -295,6 +296,9 @@ impl Surfaces {
                     Presence::Absent => return closest,
                     Presence::Partial => {
                         let coverage = self.coverage(&hit);
+                        if !(coverage > 0.0) {
+                            return closest;
+                        }
                         if coverage < 1.0 {
                             let seed = *seed.get_or_insert_with(|| rng.next_u64());
                             if !(uniform(seed, &hit) < coverage) {
