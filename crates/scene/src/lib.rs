@@ -2,6 +2,7 @@
 #![forbid(unsafe_code)]
 
 mod assemble;
+pub mod bsdf;
 pub mod camera;
 pub mod environment;
 mod environment_file;
@@ -11,15 +12,18 @@ mod gltf_volume;
 pub mod json;
 pub mod light;
 mod sky;
+pub mod surface;
 pub mod uri;
 pub mod volume;
 pub mod volume_spec;
 
 pub use assemble::{CameraRequest, Loaded, Scene, SceneRequest};
+pub use bsdf::{Bsdf, BsdfSample};
 pub use camera::Camera;
 pub use environment::{EnvSample, Environment, EnvironmentImage};
 pub use error::{Error, Place};
 pub use light::{Light, Point, Spot, Sun};
 pub use sky::default_sky;
+pub use surface::SurfaceParameters;
 pub use volume::{Volume, VolumeSource};
 pub use volume_spec::VolumeSpec;
