@@ -61,12 +61,11 @@ impl Base {
         let look = Dielectric { f0, strength: p.specular };
         // The infinite index stands for old materials that know no bodies.
         let refracts = p.transmission > 0.0 && metal < 1.0 && !p.thin_walled && p.ior.is_finite();
-        let body = refracts
-            .then(|| (Interface::new(p.ior, look, entering), dielectric * p.transmission));
+        let body =
+            refracts.then(|| (Interface::new(p.ior, look, entering), dielectric * p.transmission));
         let schlicks = if refracts { dielectric * (1.0 - p.transmission) } else { dielectric };
         let passed = dielectric * p.transmission * color;
-        let bends_little =
-            |i: &Interface| ggx.is_none_or(|g| g.alpha() * i.contrast() < STRAIGHT);
+        let bends_little = |i: &Interface| ggx.is_none_or(|g| g.alpha() * i.contrast() < STRAIGHT);
         let passed_is_delta = body.as_ref().map_or(ggx.is_none(), |(i, _)| bends_little(i));
 
         let bounces = |f0: Vec3, strength: f32| {
@@ -77,7 +76,8 @@ impl Base {
         let layer = [bounced, p.specular * top - bounced, p.specular * (1.0 - top)];
         let layer_average = layer[0] + layer[1] * one + layer[2] * grazing;
 
-        let scale = dielectric * (1.0 - p.transmission) * FRAC_1_PI / (1.0 - layer_average).max(1e-6);
+        let scale =
+            dielectric * (1.0 - p.transmission) * FRAC_1_PI / (1.0 - layer_average).max(1e-6);
         let transmitted = p.diffuse_transmission;
         let diffuse = [
             scale * (1.0 - transmitted) * color,
@@ -85,7 +85,7 @@ impl Base {
         ];
         let multiple = if ggx.is_some() {
             let scale = FRAC_1_PI / (1.0 - one).max(1e-6);
-            let through = if refracts { Vec3::ZERO } else { passed * (1.0 - bounced) };
+            let through = if refracts { Vec3::ZERO } else { passed * (1.0 - bounced).max(0.0) };
             [scale * (metal * bounces(color, 1.0) + schlicks * dielectric_bounces), scale * through]
         } else {
             [Vec3::ZERO; 2]
@@ -122,7 +122,9 @@ impl Base {
     /// Whether all lobes are delta lobes.
     pub(super) fn is_delta(&self) -> bool {
         let passes = self.passed.max_element() > 0.0;
-        self.ggx.is_none() && !self.is_cosine(0) && !self.is_cosine(1)
+        self.ggx.is_none()
+            && !self.is_cosine(0)
+            && !self.is_cosine(1)
             && (!passes || self.passed_is_delta)
     }
 
@@ -149,7 +151,7 @@ impl Base {
     #[inline]
     fn through_thin(&self, schlick: f32) -> f32 {
         let f0 = self.look.f0_max();
-        1.0 - self.look.strength * (f0 + (1.0 - f0) * schlick)
+        (1.0 - self.look.strength * (f0 + (1.0 - f0) * schlick)).max(0.0)
     }
 
     /// What a facet reflects and lets through, per channel, at the cosine between `wo` and it.
@@ -223,8 +225,9 @@ impl Base {
             return Vec3::ZERO;
         }
         let [diffuse, multiple] = self.through(self.albedo.at(cos_i));
-        self.diffuse[side] * (view.through[0] * diffuse)
-            + self.multiple[side] * (view.through[1] * multiple)
+        let value = self.diffuse[side] * (view.through[0] * diffuse)
+            + self.multiple[side] * (view.through[1] * multiple);
+        if side == 0 { value } else { value * self.radiance_scale() }
     }
 
     /// Reflection by facets, 1/sr, and the density of drawing it given that a facet is drawn.
@@ -291,11 +294,11 @@ impl Base {
         let mut sum = self.reflection[0] * one + self.reflection[1] * grazing;
         sum += (self.diffuse[0] + self.diffuse[1]) * (pi * diffuse * diffuse);
         sum += (self.multiple[0] + self.multiple[1]) * (pi * multiple * multiple);
-        // At the mean cosine.
+        // At the mean cosine; for bodies what is lost by single bounces is left out, which makes it a bound.
         let (_, passed) = self.facet(2.0 / 3.0);
-        sum += passed * one;
-        if let Some((interface, share)) = &self.body {
-            sum += *share * one * interface.split(2.0 / 3.0).0;
+        match &self.body {
+            Some((interface, share)) => sum += passed + *share * interface.split(2.0 / 3.0).0,
+            None => sum += passed * one,
         }
         sum
     }

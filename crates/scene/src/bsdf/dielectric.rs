@@ -51,7 +51,7 @@ impl Interface {
         }
         let rise = ((f - self.f0) / (1.0 - self.f0)).clamp(0.0, 1.0);
         let reflected = self.look.strength * (self.look.f0 + (Vec3::ONE - self.look.f0) * rise);
-        (reflected, 1.0 - reflected.max_element())
+        (reflected, (1.0 - reflected.max_element()).max(0.0))
     }
 
     /// The direction that becomes `wo` by refraction at a facet `h` with `wo . h > 0`; `None` under total reflection.
@@ -110,7 +110,9 @@ mod tests {
             let facet = interface.facet(wo, wi).unwrap();
             assert!((facet.h - h).length() < 1e-5);
         }
-        assert!(Interface::new(1.5, CLEAR, false).refract(Vec3::new(0.8, 0.0, 0.6), Vec3::Z).is_none());
+        assert!(
+            Interface::new(1.5, CLEAR, false).refract(Vec3::new(0.8, 0.0, 0.6), Vec3::Z).is_none()
+        );
     }
 
     /// The Jacobian against the change of `wi` when the facet turns.
@@ -121,9 +123,8 @@ mod tests {
         let wo = Vec3::new(-0.5, 0.1, 0.7).normalize();
         let (x, y) = pileus_media::phase::basis(h);
         let step = 3e-3f32;
-        let turned = |a: f32, b: f32| {
-            interface.refract(wo, (h + a * x + b * y).normalize()).unwrap()
-        };
+        let turned =
+            |a: f32, b: f32| interface.refract(wo, (h + a * x + b * y).normalize()).unwrap();
         let dx = (turned(step, 0.0) - turned(-step, 0.0)) / (2.0 * step);
         let dy = (turned(0.0, step) - turned(0.0, -step)) / (2.0 * step);
         let area = dx.cross(dy).length();

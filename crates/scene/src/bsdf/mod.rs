@@ -91,7 +91,7 @@ impl Bsdf {
     ///
     /// `normal`: unit shading normal on the viewer's side; `geometric`: unit geometric normal on the viewer's side;
     /// `entering`: whether the viewer is outside of the body (front face). Parameters must be in their ranges. The first call
-    /// with a rough material fills a table of albedos, the first with sheen another (some ten milliseconds each).
+    /// with a rough material fills a table of albedos, the first with sheen another (some tens of milliseconds each).
     pub fn new(
         parameters: &SurfaceParameters,
         normal: Vec3,
@@ -188,8 +188,13 @@ impl Bsdf {
         }
         let (value, pdf) = self.evaluate(&view, i, transmitted);
         let weight = value / pdf;
-        (pdf > 0.0 && weight.is_finite())
-            .then_some(BsdfSample { wi, weight, pdf, delta: false, transmitted })
+        (pdf > 0.0 && weight.is_finite()).then_some(BsdfSample {
+            wi,
+            weight,
+            pdf,
+            delta: false,
+            transmitted,
+        })
     }
 
     /// Whether all lobes are delta lobes, so that no shadow ray can find light.
@@ -241,8 +246,13 @@ impl Bsdf {
     #[inline]
     fn delta(&self, wi: Vec3, weight: Vec3, transmitted: bool) -> Option<BsdfSample> {
         let below = self.geometric.dot(wi) < 0.0;
-        (below == transmitted && weight.is_finite())
-            .then_some(BsdfSample { wi, weight, pdf: 0.0, delta: true, transmitted })
+        (below == transmitted && weight.is_finite()).then_some(BsdfSample {
+            wi,
+            weight,
+            pdf: 0.0,
+            delta: true,
+            transmitted,
+        })
     }
 
     /// Lookups and probabilities for a direction of view.

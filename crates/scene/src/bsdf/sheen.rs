@@ -25,8 +25,9 @@ pub(super) struct Sheen {
 }
 
 /// Directional albedo of the raw lobe over the cosine and the roughness.
-static ALBEDO: LazyLock<CosineTable<1>> =
-    LazyLock::new(|| CosineTable::build(|cos, roughness| [quadrature(cos, roughness, 64)]));
+static ALBEDO: LazyLock<CosineTable<1>> = LazyLock::new(|| {
+    CosineTable::build(|r| r.max(MIN_ROUGHNESS), |cos, r| [quadrature(cos, r, 48)])
+});
 
 /// Midpoint rule over directions, even in azimuth and in the root of the cosine.
 fn quadrature(cos: f32, roughness: f32, n: u32) -> f32 {
@@ -120,7 +121,10 @@ mod tests {
             }
         }
         assert!(worst < 0.02, "largest error {worst}");
-        assert!(gain > 1.0, "the raw lobe gains energy somewhere, else no division is needed: {gain}");
+        assert!(
+            gain > 1.0,
+            "the raw lobe gains energy somewhere, else no division is needed: {gain}"
+        );
     }
 
     #[test]
@@ -134,7 +138,10 @@ mod tests {
                     // raw without its visibility: with o = i = h the latter is 1 / (4 (2 z - z^2)).
                     let h = Vec3::new(theta.sin() as f32, 0.0, theta.cos() as f32);
                     let density = f64::from(raw(e, h, h) * 4.0 * (2.0 * h.z - h.z * h.z));
-                    density * theta.cos() * theta.sin() * std::f64::consts::TAU
+                    density
+                        * theta.cos()
+                        * theta.sin()
+                        * std::f64::consts::TAU
                         * std::f64::consts::FRAC_PI_2
                         / f64::from(n)
                 })

@@ -12,24 +12,23 @@ const COSINES: [f32; 6] = [0.02, 0.1, 0.3, 0.5, 0.8, 1.0];
 fn albedo(p: &SurfaceParameters, cos: f32) -> DVec3 {
     let bsdf = bsdf(p, true);
     let wo = direction(cos, 0.3);
-    let [r, t] = over_sphere(&lobes(p, wo, true), 192, |w| bsdf.eval(wo, w).as_dvec3());
+    let m = if p.roughness < 0.15 { 1536 } else { 192 };
+    let [r, t] = over_sphere(&lobes(p, wo, true), [256, m], |w| bsdf.eval(wo, w).as_dvec3());
     r + t
 }
 
-/// Directional albedo of all lobes, by quadrature over random numbers; the scale of radiance taken out.
+/// Directional albedo of all lobes, by a quasi-random rule of `n` points; the scale of radiance taken out.
 fn albedo_of_samples(bsdf: &Bsdf, wo: Vec3, scale: f64, n: u32) -> DVec3 {
-    let mut sum = DVec3::ZERO;
-    let at = |k: u32, n: u32| (k as f32 + 0.5) / n as f32;
-    for a in 0..4 * n {
-        for b in 0..n {
-            for c in 0..n {
-                if let Some(s) = bsdf.sample(wo, [at(a, 4 * n), at(b, n), at(c, n)]) {
-                    sum += s.weight.as_dvec3() * if s.transmitted { scale } else { 1.0 };
-                }
-            }
-        }
-    }
-    sum / f64::from(4 * n * n * n)
+    // Powers of the root of x^4 = x + 1: the sequence of least discrepancy of its kind in three dimensions.
+    let root = 1.220_744_084_605_759_5f64;
+    let at = |k: u32, axis: i32| {
+        ((0.5 + f64::from(k) * root.powi(-axis)).fract() as f32).min(0.999_999_9)
+    };
+    let sum: DVec3 = (0..n)
+        .filter_map(|k| bsdf.sample(wo, [at(k, 1), at(k, 2), at(k, 3)]))
+        .map(|s| s.weight.as_dvec3() * if s.transmitted { scale } else { 1.0 })
+        .sum();
+    sum / f64::from(n)
 }
 
 /// A white metal loses less than 1 % at any roughness and angle, and gains no more than the table's error.
@@ -40,7 +39,7 @@ fn white_metal() {
         for cos in COSINES {
             let albedo = albedo(&white(metal(roughness)), cos).x;
             range = [range[0].min(albedo), range[1].max(albedo)];
-            assert!((0.99..1.008).contains(&albedo), "roughness {roughness}, cos {cos}: {albedo}");
+            assert!((0.995..1.003).contains(&albedo), "roughness {roughness}, cos {cos}: {albedo}");
         }
     }
     println!("white metal: {range:?}");
@@ -61,7 +60,7 @@ fn white_dielectric() {
             for cos in COSINES {
                 let albedo = albedo(&white(p), cos).x;
                 range = [range[0].min(albedo), range[1].max(albedo)];
-                assert!((0.99..1.008).contains(&albedo), "{p:?}, cos {cos}: {albedo}");
+                assert!((0.995..1.003).contains(&albedo), "{p:?}, cos {cos}: {albedo}");
             }
         }
     }
@@ -74,7 +73,7 @@ fn white_thin_wall() {
     for roughness in [0.1f32, 0.4, 1.0] {
         for cos in COSINES {
             let albedo = albedo(&white(thin_glass(roughness)), cos).x;
-            assert!((0.99..1.008).contains(&albedo), "roughness {roughness}, cos {cos}: {albedo}");
+            assert!((0.995..1.003).contains(&albedo), "roughness {roughness}, cos {cos}: {albedo}");
         }
     }
 }
@@ -83,7 +82,7 @@ fn white_thin_wall() {
 #[test]
 fn never_above_one() {
     for (k, (name, _)) in all(0.0).into_iter().enumerate() {
-        let mut least = 2.0f64;
+        let (mut least, mut most) = (2.0f64, 0.0f64);
         for roughness in [0.0f32, 0.04, 0.15, 0.4, 0.7, 1.0] {
             let p = white(all(roughness)[k].1);
             for entering in [true, false] {
@@ -94,29 +93,30 @@ fn never_above_one() {
                     (false, false) => f64::from(p.ior).powi(-2),
                 };
                 for cos in COSINES {
-                    let sum = albedo_of_samples(&bsdf, direction(cos, 0.7), scale, 12);
+                    let sum = albedo_of_samples(&bsdf, direction(cos, 0.7), scale, 10_000);
                     assert!(
                         sum.max_element() < 1.012,
                         "{name}, roughness {roughness}, cos {cos}, entering {entering}: {sum}"
                     );
                     least = least.min(sum.x);
+                    most = most.max(sum.max_element());
                 }
             }
         }
-        println!("{name}: at least {least:.3}");
+        println!("{name}: {least:.3} to {most:.4}");
     }
 }
 
 /// What rough glass loses, since bounces between its facets are not modelled.
 #[test]
 fn rough_glass_loses_little() {
-    for (roughness, bound) in [(0.0f32, 0.0), (0.2, 0.01), (0.5, 0.1), (1.0, 0.5)] {
+    for (roughness, bound) in [(0.0f32, 0.0), (0.2, 0.002), (0.5, 0.07), (1.0, 0.6)] {
         for entering in [true, false] {
             let p = white(crate::materials::glass(roughness));
             let bsdf = bsdf(&p, entering);
             let scale = if entering { 2.25 } else { 1.0 / 2.25 };
             let losses = [0.1f32, 0.5, 1.0]
-                .map(|cos| 1.0 - albedo_of_samples(&bsdf, direction(cos, 0.1), scale, 16).x);
+                .map(|cos| 1.0 - albedo_of_samples(&bsdf, direction(cos, 0.1), scale, 20_000).x);
             println!("glass, roughness {roughness}, entering {entering}: {losses:.3?}");
             assert!(losses[2] < bound + 2e-3, "{losses:?}");
         }
@@ -136,11 +136,14 @@ fn mean_albedo_is_close() {
                 // Even in the squared cosine: weighted by the cosine.
                 let cos = ((k as f32 + 0.5) / n as f32).sqrt();
                 let wo = direction(cos, 0.2);
-                mean += albedo_of_samples(&bsdf, wo, scale, 8) / f64::from(n);
+                mean += albedo_of_samples(&bsdf, wo, scale, 4000) / f64::from(n);
             }
             let estimate = bsdf.albedo().as_dvec3();
-            let error = (estimate - mean).abs().max_element();
-            assert!(error < 0.15, "{name}, roughness {roughness}: {estimate} for {mean}");
+            let error = estimate - mean;
+            assert!(
+                error.min_element() > -0.1 && error.max_element() < 0.2,
+                "{name}, roughness {roughness}: {estimate} for {mean}"
+            );
         }
     }
 }

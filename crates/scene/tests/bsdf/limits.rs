@@ -69,7 +69,9 @@ fn thin_wall_is_straight() {
             }
         }
         let schlick = 0.04 + 0.96 * (1.0 - f64::from(cos)).powi(5);
-        assert!((reflected - schlick).abs() < 5e-4 && (passed - 0.8 * (1.0 - schlick)).abs() < 5e-4);
+        assert!(
+            (reflected - schlick).abs() < 5e-4 && (passed - 0.8 * (1.0 - schlick)).abs() < 5e-4
+        );
     }
 }
 

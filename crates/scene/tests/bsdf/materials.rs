@@ -76,6 +76,11 @@ pub(crate) fn everything(roughness: f32) -> SurfaceParameters {
     }
 }
 
+/// A coated body, in part refracting, in part metal, in part diffuse.
+pub(crate) fn half_glass(roughness: f32) -> SurfaceParameters {
+    SurfaceParameters { diffuse_transmission: 0.0, transmission: 0.6, ..everything(roughness) }
+}
+
 /// All of the above, by name.
 pub(crate) fn all(roughness: f32) -> Vec<(&'static str, SurfaceParameters)> {
     vec![
@@ -86,6 +91,7 @@ pub(crate) fn all(roughness: f32) -> Vec<(&'static str, SurfaceParameters)> {
         ("leaf", leaf(roughness)),
         ("coated", coated(roughness)),
         ("cloth", cloth(roughness)),
+        ("half glass", half_glass(roughness)),
         ("everything", everything(roughness)),
         ("everything, thin", SurfaceParameters { thin_walled: true, ..everything(roughness) }),
     ]

@@ -6,7 +6,7 @@ use pileus_scene::SurfaceParameters;
 
 use crate::materials::NORMAL;
 
-/// Polar coordinates about the middle of a lobe: `1 - cos = 2 x^4` with x in [0, 1], and an azimuth in turns.
+/// Polar coordinates about the middle of a lobe: angle `pi x^2` with x in [0, 1], and an azimuth in turns.
 pub(crate) struct Polar {
     axis: Vec3,
     x: Vec3,
@@ -21,17 +21,17 @@ impl Polar {
 
     /// Direction, and solid angle per `dx` and turn.
     pub(crate) fn direction(&self, x: f64, turn: f64) -> (Vec3, f64) {
-        let x4 = x.powi(4);
-        let (cos, sin) = (1.0 - 2.0 * x4, 2.0 * x * x * (1.0 - x4).max(0.0).sqrt());
+        let (sin, cos) = (std::f64::consts::PI * x * x).sin_cos();
         let (sin_phi, cos_phi) = (turn * std::f64::consts::TAU).sin_cos();
         let local = DVec3::new(sin * cos_phi, sin * sin_phi, cos).as_vec3();
         let w = (local.x * self.x + local.y * self.y + local.z * self.axis).normalize();
-        (w, 8.0 * x.powi(3) * std::f64::consts::TAU)
+        (w, sin * std::f64::consts::TAU * x * std::f64::consts::TAU)
     }
 
     /// Coordinates of a direction.
     pub(crate) fn coordinates(&self, w: Vec3) -> (f64, f64) {
-        let x = ((w - self.axis).as_dvec3().length_squared() / 4.0).sqrt().sqrt();
+        let half = ((w - self.axis).as_dvec3().length() / 2.0).min(1.0).asin();
+        let x = (2.0 * half / std::f64::consts::PI).sqrt();
         let turn = f64::from(self.y.dot(w)).atan2(f64::from(self.x.dot(w)));
         (x.min(1.0), (turn / std::f64::consts::TAU).rem_euclid(1.0))
     }
@@ -73,15 +73,17 @@ pub(crate) fn lobes(p: &SurfaceParameters, wo: Vec3, entering: bool) -> [Polar; 
     [Polar::new(mirrored), Polar::new(bent)]
 }
 
-/// `sum f(w) dw` over all directions on the viewer's side and the other.
+/// `sum f(w) dw` over all directions on the viewer's side and the other, with n x m points each.
+///
+/// At grazing angles lobes are narrow across the plane of incidence: they need many azimuths.
 pub(crate) fn over_sphere(
     lobes: &[Polar; 2],
-    n: u32,
+    [n, m]: [u32; 2],
     f: impl Fn(Vec3) -> DVec3,
 ) -> [DVec3; 2] {
     let side = |sign: f32| {
         let polar = &lobes[usize::from(sign < 0.0)];
-        polar.cell([0.0, 1.0], [0.0, 1.0], [2 * n, n], |w| {
+        polar.cell([0.0, 1.0], [0.0, 1.0], [n, m], |w| {
             if NORMAL.dot(w) * sign > 0.0 { f(w) } else { DVec3::ZERO }
         })
     };

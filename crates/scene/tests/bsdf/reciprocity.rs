@@ -22,17 +22,14 @@ fn values_are_reciprocal() {
                 let sign = if across { -1.0 } else { 1.0 };
                 let wi = direction(cos_i * sign, uniform(&mut rng));
                 let there = Bsdf::new(&p, NORMAL, NORMAL, entering);
-                let back = if across {
-                    Bsdf::new(&p, -NORMAL, -NORMAL, !entering)
-                } else {
-                    there
-                };
-                let n = |inside: bool| if inside && !p.thin_walled { p.ior } else { 1.0 };
-                let (n_o, n_i) = (n(!entering), n(!entering ^ across));
-                // Scaling by index holds for what is refracted; other lobes across a body have no index.
-                if across && !p.thin_walled && p.transmission > 0.0 && p.transmission < 1.0 {
+                let back = if across { Bsdf::new(&p, -NORMAL, -NORMAL, !entering) } else { there };
+                let body = p.transmission > 0.0 && !p.thin_walled;
+                // Diffuse light through a refracting body keeps its flux instead.
+                if across && body && p.diffuse_transmission > 0.0 {
                     continue;
                 }
+                let n = |inside: bool| if inside && body { p.ior } else { 1.0 };
+                let (n_o, n_i) = (n(!entering), n(!entering ^ across));
                 let forward = there.eval(wo, wi) * (n_i * n_i) / NORMAL.dot(wi).abs();
                 let backward = back.eval(wi, wo) * (n_o * n_o) / NORMAL.dot(wo).abs();
                 let scale = forward.max_element().max(backward.max_element());
