@@ -2,6 +2,7 @@
 #![forbid(unsafe_code)]
 
 mod assemble;
+pub mod bsdf;
 pub mod camera;
 pub mod environment;
 mod environment_file;
@@ -22,6 +23,7 @@ pub mod volume;
 pub mod volume_spec;
 
 pub use assemble::{CameraRequest, Loaded, Scene, SceneRequest};
+pub use bsdf::{Bsdf, BsdfSample};
 pub use camera::Camera;
 pub use environment::{EnvSample, Environment, EnvironmentImage};
 pub use error::{Error, Place};
