@@ -460,11 +460,6 @@ fn list_not_modelled(root: &json::Root, scene: &mut GltfScene) {
         let animations = plural(root.animations.len(), "animation", "animations");
         scene.not_modelled.push(format!("{animations}: the rest pose is rendered"));
     }
-    for volume in scene.volumes.iter().filter(|v| v.spec.emission.is_some()) {
-        scene
-            .not_modelled
-            .push(format!("emission of volume `{}`: it gives off no light", volume.node));
-    }
     let known = |name: &str| name == EXTENSION || name == "KHR_lights_punctual";
     let left_out: Vec<&str> =
         root.extensions_used.iter().map(String::as_str).filter(|name| !known(name)).collect();

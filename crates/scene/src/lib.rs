@@ -3,6 +3,7 @@
 
 mod assemble;
 pub mod camera;
+mod emission;
 pub mod environment;
 mod environment_file;
 pub mod error;
