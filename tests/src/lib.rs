@@ -83,6 +83,7 @@ pub fn scene(media: Vec<Medium>, position: DVec3, target: DVec3, fov_y: f64) -> 
         .map(|(i, medium)| Volume {
             name: format!("volume {i}"),
             medium: Arc::new(medium),
+            emission: None,
             source: VolumeSource::Homogeneous,
         })
         .collect();

@@ -1,11 +1,11 @@
 //! Volumes from files: which grid, how dense, where.
 
-use glam::{DAffine3, DVec3};
-use pileus_media::Medium;
-use pileus_scene::volume::{
-    CLOUD_OPTICAL_DEPTH, DefaultScale, UnrenderedEmission, VolumeLoader, VolumeRequest,
+use glam::{DAffine3, DVec3, Vec3};
+use pileus_media::{BlackbodyRadiance, EmissionSource, Medium, blackbody};
+use pileus_scene::volume::{CLOUD_OPTICAL_DEPTH, DefaultScale, VolumeLoader, VolumeRequest};
+use pileus_scene::volume_spec::{
+    AlbedoSpec, DensitySpec, EmissionSpec, HomogeneousSpec, Rgb, TransformSpec, VolumeSpec,
 };
-use pileus_scene::volume_spec::{DensitySpec, TransformSpec, VolumeSpec};
 use pileus_scene::{Error, Place, Volume, VolumeSource};
 use pileus_tests::root;
 use std::sync::Arc;
@@ -20,7 +20,6 @@ fn request(spec: &VolumeSpec, default_scale: DefaultScale) -> VolumeRequest<'_> 
         to_world: DAffine3::IDENTITY,
         fallback_name: "",
         place: &|_| Place { file: None, line: None, column: None, part: None },
-        emission: UnrenderedEmission::Refuse,
         default_scale,
     }
 }
@@ -135,4 +134,158 @@ fn frustums_and_empty_grids_do_not_panic() {
             VolumeSpec { vdb: Some(path.to_string_lossy().into_owned()), ..VolumeSpec::default() };
         let _ = load(&spec, DefaultScale::Cloud);
     }
+}
+
+fn emitting(emission: &str) -> VolumeSpec {
+    let emission: EmissionSpec = serde_json::from_str(emission).unwrap();
+    VolumeSpec {
+        emission: Some(emission),
+        albedo: Some(AlbedoSpec::Constant(Rgb::Grey(0.25))),
+        density: Some(DensitySpec { grid: None, scale: Some(4.0) }),
+        ..asset("fire_0003.vdb")
+    }
+}
+
+/// Emission is what the job says, at voxels, in the world; the density neither adds nor dims.
+#[test]
+fn emission_is_what_the_job_says() {
+    let ramp = r#"[{"value": 0, "color": 0}, {"value": 0.5, "color": [1, 0.5, 0]}]"#;
+    let jobs = [
+        r#"{"type": "grid", "grid": "flame", "color": [1, 0.35, 0.08], "scale": 20}"#.to_owned(),
+        format!(r#"{{"type": "grid", "grid": "flame", "scale": 3, "ramp": {ramp}}}"#),
+        r#"{"type": "blackbody", "intensity": 2, "temperature": {"grid": "temperature", "scale": 1000}}"#
+            .to_owned(),
+        r#"{"type": "blackbody", "normalised": true,
+            "temperature": {"grid": "temperature", "scale": 900, "offset": 100}}"#
+            .to_owned(),
+        r#"{"type": "grid", "grid": "velocity", "color": [1, 2, 3]}"#.to_owned(),
+    ];
+    let file = pileus_vdb::VdbFile::open(root().join("scenes/assets/fire_0003.vdb")).unwrap();
+    let tree = |name: &str| file.read(file.find(name).unwrap()).unwrap();
+    let number = |name: &str| tree(name).to_float().unwrap();
+    let (flame, heat, density) = (number("flame"), number("temperature"), number("density"));
+    let pileus_vdb::Values::Vec3f(velocity) = tree("velocity").values else { panic!() };
+    for (kind, job) in jobs.iter().enumerate() {
+        let spec = VolumeSpec {
+            transform: Some(TransformSpec {
+                scale: Some([2.0; 3]),
+                translation: Some([5.0, 0.0, 0.0]),
+                ..TransformSpec::default()
+            }),
+            ..emitting(job)
+        };
+        let volume = load(&spec, DefaultScale::One).unwrap();
+        let field = volume.emission.unwrap();
+        let mut lit = 0;
+        for i in 0..9000 {
+            let at = [14 + i % 30, 13 + i / 30 % 26, 2 + i / 780];
+            let p = DVec3::new(5.0, 0.0, 0.0) + 0.075 * DVec3::from_array(at.map(f64::from));
+            let value = |tree: &pileus_vdb::Tree<f32>| tree.value(at).0;
+            let kelvin = |scale: f64| scale * f64::from(value(&heat));
+            let expected = match kind {
+                0 => Vec3::new(20.0, 7.0, 1.6) * value(&flame),
+                1 => Vec3::new(3.0, 1.5, 0.0) * (2.0 * value(&flame)).min(1.0),
+                2 => {
+                    6.0 * value(&density) * blackbody(kelvin(1000.0), BlackbodyRadiance::Absolute)
+                }
+                3 => {
+                    let le = blackbody(kelvin(900.0) + 100.0, BlackbodyRadiance::Normalised);
+                    3.0 * value(&density) * le
+                }
+                _ => Vec3::from_array(velocity.value(at).0).max(Vec3::ZERO) * Vec3::new(1.0, 2.0, 3.0),
+            };
+            let found = field.emission(p);
+            // Rounding moves a voxel's centre by 1e-15 of a voxel.
+            let slack = 1e-4 * expected.max_element().max(1e-6);
+            assert!((found - expected).abs().max_element() <= slack, "{kind}: {found} {expected}");
+            lit += usize::from(expected.max_element() > 0.0);
+        }
+        assert!(lit > 1000, "{kind}: {lit}");
+    }
+}
+
+/// The grids of light and of density come from one cache, and a volume may be clear and still shine.
+#[test]
+fn emission_shares_grids_and_needs_no_density() {
+    let flames = r#"{"type": "grid", "grid": "density"}"#;
+    let clear = VolumeSpec {
+        density: Some(DensitySpec { grid: None, scale: Some(0.0) }),
+        ..emitting(flames)
+    };
+    let mut loader = VolumeLoader::default();
+    let volume = loader.load(&request(&clear, DefaultScale::One)).unwrap();
+    let Medium::Grid(medium) = &*volume.medium else { panic!() };
+    assert_eq!(medium.scale(), 0.0);
+    let field = volume.emission.unwrap();
+    assert!(field.power() > 0.0);
+    let EmissionSource::Grid { grid, .. } = field.source() else { panic!() };
+    assert!(Arc::ptr_eq(grid, medium.grid()));
+    let again = loader.load(&request(&emitting(flames), DefaultScale::One)).unwrap();
+    let EmissionSource::Grid { grid: other, .. } = again.emission.as_ref().unwrap().source() else {
+        panic!()
+    };
+    assert!(Arc::ptr_eq(grid, other));
+}
+
+#[test]
+fn faults_of_emission_are_placed() {
+    let fault = |spec: &VolumeSpec| {
+        let request = VolumeRequest {
+            place: &|key| Place { part: Some(key.to_owned()), ..Place::default() },
+            ..request(spec, DefaultScale::One)
+        };
+        let error = VolumeLoader::default().load(&request).unwrap_err();
+        (error.place().part.clone().unwrap(), format!("{error}; {}", error.remedy()))
+    };
+    for (job, pointer) in [
+        (r#"{"type": "grid", "grid": "flames"}"#, "/emission/grid"),
+        (r#"{"type": "grid", "grid": "flame", "scale": -1}"#, "/emission/scale"),
+        (r#"{"type": "grid", "grid": "flame", "color": -1}"#, "/emission/color"),
+        (
+            r#"{"type": "grid", "grid": "flame", "color": 1, "ramp": [{"value": 0, "color": 0}]}"#,
+            "/emission/color",
+        ),
+        (r#"{"type": "grid", "grid": "flame", "ramp": []}"#, "/emission/ramp"),
+        (
+            r#"{"type": "grid", "grid": "flame", "ramp": [{"value": 0, "color": [0, -1, 0]}]}"#,
+            "/emission/ramp/0/color",
+        ),
+        (
+            r#"{"type": "grid", "grid": "flame", "ramp": [{"value": 1, "color": 0}, {"value": 0, "color": 1}]}"#,
+            "/emission/ramp",
+        ),
+        // White where there is nothing: light without end.
+        (r#"{"type": "grid", "grid": "flame", "ramp": [{"value": 1, "color": 1}]}"#, "/emission"),
+        (
+            r#"{"type": "grid", "grid": "velocity", "ramp": [{"value": 0, "color": 0}]}"#,
+            "/emission/ramp",
+        ),
+        (
+            r#"{"type": "blackbody", "temperature": {"grid": "velocity"}}"#,
+            "/emission/temperature/grid",
+        ),
+        (
+            r#"{"type": "blackbody", "temperature": {"grid": "heat"}}"#,
+            "/emission/temperature/grid",
+        ),
+        (
+            r#"{"type": "blackbody", "temperature": {"grid": "temperature", "scale": -1}}"#,
+            "/emission/temperature/scale",
+        ),
+        (
+            r#"{"type": "blackbody", "intensity": -1, "temperature": {"grid": "temperature"}}"#,
+            "/emission/intensity",
+        ),
+    ] {
+        let (place, said) = fault(&emitting(job));
+        assert_eq!(place, pointer, "{job}: {said}");
+    }
+    let fog = VolumeSpec {
+        homogeneous: Some(HomogeneousSpec { sigma_t: 1.0, bounds: None }),
+        emission: emitting(r#"{"type": "grid", "grid": "flame"}"#).emission,
+        ..VolumeSpec::default()
+    };
+    let (place, said) = fault(&fog);
+    assert_eq!(place, "/emission");
+    assert!(said.contains("two volumes that overlap"), "{said}");
 }

@@ -32,6 +32,7 @@ fn scene(name: &str, scale: f32, albedo: [f32; 3], g: f32) -> Scene {
         volumes: vec![Volume {
             name: name.to_owned(),
             medium: Arc::new(medium),
+            emission: None,
             source: VolumeSource::Homogeneous,
         }],
         lights: vec![Light::Sun(Sun {

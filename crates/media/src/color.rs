@@ -2,6 +2,7 @@
 
 use crate::Error;
 use crate::grid::{Interpolation, VoxelGrid, VoxelGridOptions};
+use crate::index_map::{box_over, snapped};
 use glam::{DVec3, Vec3};
 use pileus_vdb::Tree;
 
@@ -23,7 +24,7 @@ impl ColorGrid {
         let channels = (0..3)
             .map(|channel| ColorGrid::channel(&tree.clone().map(|v| v[channel])))
             .collect::<Result<_, _>>()?;
-        Ok(ColorGrid { channels, to_index })
+        Ok(ColorGrid { channels, to_index: snapped(to_index) })
     }
 
     /// From a scalar grid: grey.
@@ -31,11 +32,32 @@ impl ColorGrid {
     /// # Errors
     /// As [`VoxelGrid::from_tree`].
     pub fn from_float_tree(tree: &Tree<f32>, to_index: glam::DAffine3) -> Result<Self, Error> {
-        Ok(ColorGrid { channels: vec![ColorGrid::channel(tree)?], to_index })
+        Ok(ColorGrid { channels: vec![ColorGrid::channel(tree)?], to_index: snapped(to_index) })
     }
 
     fn channel(tree: &Tree<f32>) -> Result<VoxelGrid, Error> {
         VoxelGrid::from_tree(tree, &VoxelGridOptions { interpolation: Interpolation::Trilinear })
+    }
+
+    /// Smallest value of each channel over a box of the asking medium's index space: never too large.
+    pub(crate) fn least_over(&self, low: DVec3, high: DVec3) -> Vec3 {
+        let (low, high) = box_over(&self.to_index, low, high);
+        let least = |channel: &VoxelGrid| channel.range_over(low, high).0;
+        let color = match self.channels.as_slice() {
+            [grey] => Vec3::splat(least(grey)),
+            [r, g, b] => Vec3::new(least(r), least(g), least(b)),
+            _ => Vec3::ONE,
+        };
+        color.clamp(Vec3::ZERO, Vec3::ONE)
+    }
+
+    /// Whether every channel is constant over the box.
+    pub(crate) fn is_constant_over(&self, low: DVec3, high: DVec3) -> bool {
+        let (low, high) = box_over(&self.to_index, low, high);
+        self.channels.iter().all(|channel| {
+            let (min, max) = channel.range_over(low, high);
+            min == max
+        })
     }
 
     /// The colour at a point of the asking medium's index space.

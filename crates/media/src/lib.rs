@@ -6,10 +6,12 @@ mod collisions;
 mod color;
 pub mod distance;
 pub mod elementary;
+mod emission;
 mod error;
 mod field;
 mod grid;
 mod homogeneous;
+mod index_map;
 mod majorant;
 mod medium;
 pub mod phase;
@@ -21,6 +23,10 @@ pub mod transmittance;
 pub use channels::{Channels, Grey, Relative, Spectrum};
 pub use collisions::{Tentative, TentativeCollisions};
 pub use color::ColorGrid;
+pub use emission::{
+    BlackbodyRadiance, COLDEST_KELVIN, ColorRamp, EmissionField, EmissionPoint, EmissionReport,
+    EmissionSample, EmissionSource, HOTTEST_KELVIN, blackbody,
+};
 pub use error::Error;
 pub use field::{ExactField, MajorantSegment, RayField};
 pub use grid::{BuildReport, GridView, Half, Interpolation, Voxel, VoxelGrid, VoxelGridOptions};

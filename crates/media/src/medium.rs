@@ -294,6 +294,30 @@ impl GridMedium {
         GridRay::new(self.grid.view(voxels), partition, scales, span.p0, span.d, span.length)
     }
 
+    /// The ray field of a span on cells that are a function of the point alone, also where voxels are longer along some axes.
+    pub(crate) fn point_ray(&self, span: &Span) -> AnyGridRay<'_> {
+        let partition = self.point_cells();
+        match &self.grid.voxels {
+            Voxels::Half(voxels) => AnyGridRay::Half(self.ray_on(voxels, partition, span)),
+            Voxels::Single(voxels) => AnyGridRay::Single(self.ray_on(voxels, partition, span)),
+        }
+    }
+
+    /// The majorant of a [`point_ray`](GridMedium::point_ray) at a point in the world, 1/length.
+    pub(crate) fn point_rate(&self, p_world: DVec3) -> f32 {
+        let p = self.world_to_local.transform_point3(p_world);
+        let [low, high] = self.support();
+        if !(p.cmpge(low).all() && p.cmplt(high).all()) {
+            return 0.0;
+        }
+        // Within the support, which lies within the extent.
+        self.point_cells().cell(p.to_array().map(|c| c as i32), 0).max * self.bound_scale
+    }
+
+    fn point_cells(&self) -> Adaptive<'_> {
+        Adaptive::new(&self.grid, self.bound_scale * self.voxel_length())
+    }
+
     /// The ray field of a span, whatever the voxel type and the structure.
     #[inline(always)]
     pub fn any_ray(&self, span: &Span) -> AnyGridRay<'_> {
@@ -356,6 +380,19 @@ pub enum AnyGridRay<'a> {
     HalfOther(GridRay<'a, Half, AnyPartition<'a>>),
     /// Voxels stored as binary32, likewise.
     SingleOther(GridRay<'a, f32, AnyPartition<'a>>),
+}
+
+impl AnyGridRay<'_> {
+    /// The local point at ray parameter `t` of the segment handed out last, inside its cell whatever rounding says.
+    #[inline]
+    pub(crate) fn local_in_cell(&self, t: f32) -> Vec3 {
+        match self {
+            AnyGridRay::Half(ray) => ray.local_in_cell(t),
+            AnyGridRay::Single(ray) => ray.local_in_cell(t),
+            AnyGridRay::HalfOther(ray) => ray.local_in_cell(t),
+            AnyGridRay::SingleOther(ray) => ray.local_in_cell(t),
+        }
+    }
 }
 
 impl RayField for AnyGridRay<'_> {

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use glam::{DAffine3, DVec3};
-use pileus_media::Medium;
+use pileus_media::{EmissionField, Medium};
 
 use crate::camera::{Camera, corners};
 use crate::environment::Environment;
@@ -14,9 +14,7 @@ use crate::gltf::{self, GltfCamera, GltfScene, GltfSurfaces};
 use crate::light::Light;
 use crate::sky::default_sky;
 use crate::surface::{GlassRule, Surfaces};
-use crate::volume::{
-    DefaultScale, UnrenderedEmission, Volume, VolumeLoader, VolumeRequest, VolumeSource,
-};
+use crate::volume::{DefaultScale, Volume, VolumeLoader, VolumeRequest, VolumeSource};
 use crate::volume_spec::VolumeSpec;
 
 /// Everything an image is made from, immutable; nothing in it touches a file any more.
@@ -128,7 +126,10 @@ impl Scene {
         }
         let environment = match request.environment {
             Some(environment) => environment,
-            None if lights.is_empty() && !surfaces.as_ref().is_some_and(Surfaces::emits) => {
+            None if lights.is_empty()
+                && !surfaces.as_ref().is_some_and(Surfaces::emits)
+                && !volumes.iter().any(|volume| volume.emission.is_some()) =>
+            {
                 let (sun, environment) = default_sky()?;
                 lights.push(sun);
                 notes.push("no light given: the default sky, a sun and a blue gradient".into());
@@ -154,10 +155,17 @@ impl Scene {
         })
     }
 
+    /// The volumes that give off light.
+    pub fn fires(&self) -> impl Iterator<Item = &Arc<EmissionField>> {
+        self.volumes.iter().filter_map(|volume| volume.emission.as_ref())
+    }
+
     /// Lowest and highest corner of all bounded volumes and surfaces in world space; `None` if
     /// there are none.
     pub fn bounds(&self) -> Option<(DVec3, DVec3)> {
+        let fires = self.fires().filter_map(|fire| fire.bounds_world());
         let volumes = self.volumes.iter().filter_map(|volume| volume.medium.bounds_world());
+        let volumes = volumes.chain(fires);
         let surfaces = self.surfaces.iter().map(|surfaces| surfaces.bounds());
         volumes.chain(surfaces).reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))
     }
@@ -170,7 +178,7 @@ struct Balls {
 }
 
 impl Balls {
-    /// Cells of the volumes' bounds in which there is more than a trace of density, and corners of
+    /// Cells of the volumes' bounds in which there is more than a trace of density or of light, and corners of
     /// the surfaces' bounds; `None` without anything bounded. What is smaller than a cell may be
     /// missed, which the margin of the frame forgives.
     fn of(volumes: &[Volume], surfaces: Option<&Surfaces>) -> Option<Self> {
@@ -179,23 +187,36 @@ impl Balls {
         /// Share of the densest cell below which a cell does not matter.
         const TRACE: f64 = 0.005;
         let mut balls = Self { centres: Vec::new(), radius: 0.0 };
-        for volume in volumes {
-            let Some((low, high)) = volume.medium.bounds_world() else { continue };
+        let mut add = |(low, high): (DVec3, DVec3), value: &dyn Fn(DVec3) -> f64| {
             let cell = (high - low) / f64::from(SIDE);
             balls.radius = balls.radius.max(cell.length() * 0.5);
             let cells = (0..SIDE.pow(3)).map(|i| {
                 let index = [i % SIDE, i / SIDE % SIDE, i / (SIDE * SIDE)].map(f64::from);
                 low + cell * (DVec3::from_array(index) + 0.5)
             });
+            let values: Vec<(DVec3, f64)> = cells.map(|p| (p, value(p))).collect();
+            let largest = values.iter().fold(0.0f64, |a, (_, v)| a.max(*v));
+            let seen = values.iter().filter(|(_, v)| *v > TRACE * largest);
             let before = balls.centres.len();
-            if let Medium::Grid(medium) = &*volume.medium {
-                let values: Vec<(DVec3, f64)> = cells.map(|p| (p, medium.sigma_t_at(p))).collect();
-                let largest = values.iter().fold(0.0f64, |a, (_, v)| a.max(*v));
-                let seen = values.iter().filter(|(_, v)| *v > TRACE * largest);
-                balls.centres.extend(seen.map(|(p, _)| *p));
-            }
+            balls.centres.extend(seen.map(|(p, _)| *p));
             if balls.centres.len() == before {
                 balls.centres.extend(corners((low, high)));
+            }
+        };
+        for volume in volumes {
+            let lit = volume.emission.as_ref().and_then(|e| Some((e, e.bounds_world()?)));
+            if let Some((emission, bounds)) = lit {
+                add(bounds, &|p| f64::from(emission.emission(p).max_element()));
+            }
+            // What only gives off light is seen by that alone.
+            let clear = matches!(&*volume.medium, Medium::Grid(medium) if medium.scale() == 0.0);
+            if let Some(bounds) = volume.medium.bounds_world()
+                && !(clear && lit.is_some())
+            {
+                add(bounds, &|p| match &*volume.medium {
+                    Medium::Grid(medium) => medium.sigma_t_at(p),
+                    Medium::Homogeneous(_) => 0.0,
+                });
             }
         }
         let instances = surfaces.into_iter().flat_map(Surfaces::instance_bounds);
@@ -218,7 +239,6 @@ fn load_volumes(
             to_world: volume.to_world,
             fallback_name: &volume.node,
             place: &|_| volume.place.clone(),
-            emission: UnrenderedEmission::LeaveOut,
             default_scale: DefaultScale::One,
         })?);
     }
@@ -228,7 +248,6 @@ fn load_volumes(
             to_world: DAffine3::IDENTITY,
             fallback_name: "",
             place: &|key| (request.volume_place)(i, key),
-            emission: UnrenderedEmission::Refuse,
             default_scale: request.default_scale,
         })?;
         let chosen = spec.density.as_ref().and_then(|d| d.scale).is_none();
@@ -245,8 +264,15 @@ fn load_volumes(
     for volume in &volumes {
         if matches!(volume.source, VolumeSource::Vdb { .. })
             && volume.medium.bounds_world().is_none()
+            && volume.emission.is_none()
         {
             notes.push(format!("volume `{}` is empty: no density anywhere", volume.name));
+        }
+        if volume.emission.as_ref().is_some_and(|emission| emission.bounds_world().is_none()) {
+            notes.push(format!(
+                "volume `{}` gives off no light: its emission is zero everywhere",
+                volume.name
+            ));
         }
     }
     Ok(volumes)

@@ -573,11 +573,6 @@ fn list_not_modelled(root: &json::Root, scene: &mut GltfScene) {
         let animations = plural(root.animations.len(), "animation", "animations");
         scene.not_modelled.push(format!("{animations}: the rest pose is rendered"));
     }
-    for volume in scene.volumes.iter().filter(|v| v.spec.emission.is_some()) {
-        scene
-            .not_modelled
-            .push(format!("emission of volume `{}`: it gives off no light", volume.node));
-    }
     let used = root.extensions_used.iter().map(String::as_str);
     let left_out: Vec<&str> = used.filter(|name| !is_modelled(name)).collect();
     if !left_out.is_empty() {

@@ -133,14 +133,36 @@ impl Flat<'_> {
         let temperature_scale = self.number("pileus_temperature_scale")?;
         let color = self.rgb("pileus_emission_color")?;
         let scale = self.number("pileus_emission_scale")?;
-        if let Some(grid) = self.text("pileus_emission_grid")? {
-            return Ok(Some(EmissionSpec::Grid { grid, color, scale }));
+        let needs = |key: &str, grid: &str| {
+            Error::invalid(
+                self.place(key),
+                format!("`{key}` without `{grid}` means nothing"),
+                format!("add `{grid}` with the name of a grid, or remove `{key}`"),
+            )
+        };
+        match (self.text("pileus_emission_grid")?, self.text("pileus_temperature_grid")?) {
+            (Some(_), Some(_)) => Err(Error::invalid(
+                self.place("pileus_temperature_grid"),
+                "`pileus_emission_grid` and `pileus_temperature_grid` each say what the volume emits",
+                "keep one; for both, add a second node with `pileus_density_scale` 0",
+            )),
+            (Some(grid), None) => Ok(Some(EmissionSpec::Grid { grid, color, scale, ramp: None })),
+            (None, _) if color.is_some() => {
+                Err(needs("pileus_emission_color", "pileus_emission_grid"))
+            }
+            (None, _) if scale.is_some() => {
+                Err(needs("pileus_emission_scale", "pileus_emission_grid"))
+            }
+            (None, Some(grid)) => Ok(Some(EmissionSpec::Blackbody {
+                temperature: TemperatureSpec { grid, scale: temperature_scale, offset: None },
+                intensity,
+                normalised: None,
+            })),
+            (None, None) if intensity.is_some() => {
+                Err(needs("pileus_emission_intensity", "pileus_temperature_grid"))
+            }
+            (None, None) => Ok(None),
         }
-        Ok(self.text("pileus_temperature_grid")?.map(|grid| EmissionSpec::Blackbody {
-            temperature: TemperatureSpec { grid, scale: temperature_scale, offset: None },
-            intensity,
-            normalised: None,
-        }))
     }
 
     fn place(&self, key: &str) -> Place {

@@ -4,6 +4,7 @@
 mod assemble;
 pub mod bsdf;
 pub mod camera;
+mod emission;
 pub mod environment;
 mod environment_file;
 pub mod error;

@@ -7,12 +7,13 @@ use std::time::Instant;
 
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 use pileus_media::{
-    Albedo, BuildReport, ColorGrid, GridMedium, HomogeneousMedium, Interpolation, Medium, Phase,
-    VoxelGrid, VoxelGridOptions,
+    Albedo, BuildReport, ColorGrid, EmissionField, GridMedium, HomogeneousMedium, Interpolation,
+    Medium, Phase, VoxelGrid, VoxelGridOptions,
 };
-use pileus_vdb::{GridClass, GridInfo, ValueType, Values, VdbFile};
+use pileus_vdb::{GridClass, GridInfo, Tree, ValueType, Values, VdbFile};
 
 use crate::error::{Error, Place};
+use crate::emission::EmissionParts;
 use crate::uri::with_frame;
 use crate::volume_spec::{
     AlbedoSpec, DEFAULT_ALBEDO, DensitySpec, HomogeneousSpec, InterpolationSpec, PhaseSpec, Rgb,
@@ -26,6 +27,8 @@ pub struct Volume {
     pub name: String,
     /// The medium, in world space.
     pub medium: Arc<Medium>,
+    /// The light that it gives off, in world space.
+    pub emission: Option<Arc<EmissionField>>,
     /// Where its values came from.
     pub source: VolumeSource,
 }
@@ -58,19 +61,8 @@ pub struct VolumeRequest<'a> {
     pub fallback_name: &'a str,
     /// The place of a key of the specification (a JSON pointer relative to it), for messages.
     pub place: &'a dyn Fn(&str) -> Place,
-    /// What to do about emission, which this version does not render.
-    pub emission: UnrenderedEmission,
     /// The extinction of a grid value of 1 if the specification does not say.
     pub default_scale: DefaultScale,
-}
-
-/// What to do about emission.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum UnrenderedEmission {
-    /// It is an error.
-    Refuse,
-    /// It is left out; the caller says so.
-    LeaveOut,
 }
 
 /// The extinction of a grid value of 1 that nobody specified.
@@ -82,11 +74,15 @@ pub enum DefaultScale {
     Cloud,
 }
 
+/// What a render grid is made of: file, grid, channel of a vector grid, and whether values are those of the
+/// nearest voxel.
+type GridKey = (PathBuf, usize, Option<usize>, bool);
+
 /// Loads volumes; remembers files and grids, so that volumes made of the same grid share it.
 #[derive(Default)]
 pub struct VolumeLoader {
     files: HashMap<PathBuf, Arc<VdbFile>>,
-    grids: HashMap<(PathBuf, usize, bool), Arc<VoxelGrid>>,
+    grids: HashMap<GridKey, Arc<VoxelGrid>>,
     /// Seconds spent in reading files so far.
     pub seconds_load: f64,
     /// Seconds spent in building render grids so far.
@@ -98,13 +94,6 @@ impl VolumeLoader {
     pub fn load(&mut self, request: &VolumeRequest<'_>) -> Result<Volume, Error> {
         let spec = request.spec;
         let place = request.place;
-        if spec.emission.is_some() && request.emission == UnrenderedEmission::Refuse {
-            return Err(Error::unsupported(
-                place("/emission"),
-                "emission is not rendered by this version",
-                "remove `emission` to render the volume without its light",
-            ));
-        }
         let extinction = channels(
             spec.extinction.unwrap_or(Rgb::Grey(1.0)),
             0.0..=1e30,
@@ -159,7 +148,7 @@ impl VolumeLoader {
         let info = grid_info(&file, index, &path)?;
         let index_to_world =
             placement * affine(info.transform.matrix().map_err(|e| vdb_error("/vdb", e))?);
-        let grid = self.grid(&file, &path, index, interpolation, place)?;
+        let grid = self.grid(&file, &path, index, interpolation, &|| place("/vdb"))?;
         let albedo = self.albedo(request, &file, &path, info)?;
         let scale = match density.scale {
             Some(scale) => scale,
@@ -180,9 +169,27 @@ impl VolumeLoader {
         let sigma_t = extinction.map(|e| (e * scale) as f32);
         let medium = GridMedium::new(grid, index_to_world, sigma_t, albedo, phase)
             .map_err(|source| Error::medium(place(""), source))?;
+        let emission = match &spec.emission {
+            None => None,
+            Some(emission) => {
+                let parts = EmissionParts {
+                    emission,
+                    place,
+                    file: &file,
+                    path: &path,
+                    interpolation,
+                    placement,
+                    medium: &medium,
+                    medium_to_world: index_to_world,
+                    sigma_t,
+                };
+                Some(Arc::new(self.emission(&parts)?))
+            }
+        };
         Ok(Volume {
             name: name(request),
             medium: Arc::new(Medium::Grid(medium)),
+            emission,
             source: VolumeSource::Vdb { grid: info.full_name(), path, density_scale: scale, build },
         })
     }
@@ -199,15 +206,15 @@ impl VolumeLoader {
         Ok(file)
     }
 
-    fn grid(
+    pub(crate) fn grid(
         &mut self,
         file: &VdbFile,
         path: &Path,
         index: usize,
         interpolation: Interpolation,
-        place: &dyn Fn(&str) -> Place,
+        place: &dyn Fn() -> Place,
     ) -> Result<Arc<VoxelGrid>, Error> {
-        let key = (path.to_owned(), index, interpolation == Interpolation::Nearest);
+        let key = (path.to_owned(), index, None, interpolation == Interpolation::Nearest);
         if let Some(grid) = self.grids.get(&key) {
             return Ok(grid.clone());
         }
@@ -215,18 +222,67 @@ impl VolumeLoader {
         let tree = file
             .read(index)
             .and_then(pileus_vdb::Grid::to_float)
-            .map_err(|source| Error::vdb(place("/vdb"), source))?;
-        let read = Instant::now();
-        let grid = VoxelGrid::from_tree(&tree, &VoxelGridOptions { interpolation })
-            .map_err(|source| Error::medium(place("/vdb"), source))?;
-        self.seconds_load += (read - start).as_secs_f64();
-        self.seconds_build += read.elapsed().as_secs_f64();
+            .map_err(|source| Error::vdb(place(), source))?;
+        self.seconds_load += start.elapsed().as_secs_f64();
+        self.render_grid(key, &tree, interpolation, place)
+    }
+
+    /// The channels of a vector grid.
+    pub(crate) fn channels(
+        &mut self,
+        file: &VdbFile,
+        path: &Path,
+        index: usize,
+        interpolation: Interpolation,
+        place: &dyn Fn() -> Place,
+    ) -> Result<[Arc<VoxelGrid>; 3], Error> {
+        let keys = [0, 1, 2].map(|channel| {
+            (path.to_owned(), index, Some(channel), interpolation == Interpolation::Nearest)
+        });
+        if let [Some(r), Some(g), Some(b)] = [0, 1, 2].map(|i| self.grids.get(&keys[i])) {
+            return Ok([r.clone(), g.clone(), b.clone()]);
+        }
+        let start = Instant::now();
+        let grid = file.read(index).map_err(|source| Error::vdb(place(), source))?;
+        let channel = |i: usize| match &grid.values {
+            Values::Vec3f(tree) => Some(tree.clone().map(|v| v[i])),
+            Values::Vec3d(tree) => Some(tree.clone().map(|v| v[i] as f32)),
+            Values::Vec3i(tree) => Some(tree.clone().map(|v| v[i] as f32)),
+            _ => None,
+        };
+        let [Some(r), Some(g), Some(b)] = [channel(0), channel(1), channel(2)] else {
+            return Err(Error::invalid(
+                place(),
+                format!("{}: the grid holds numbers, not vectors", path.display()),
+                "write the file again",
+            ));
+        };
+        self.seconds_load += start.elapsed().as_secs_f64();
+        let [at_r, at_g, at_b] = keys;
+        Ok([
+            self.render_grid(at_r, &r, interpolation, place)?,
+            self.render_grid(at_g, &g, interpolation, place)?,
+            self.render_grid(at_b, &b, interpolation, place)?,
+        ])
+    }
+
+    fn render_grid(
+        &mut self,
+        key: GridKey,
+        tree: &Tree<f32>,
+        interpolation: Interpolation,
+        place: &dyn Fn() -> Place,
+    ) -> Result<Arc<VoxelGrid>, Error> {
+        let start = Instant::now();
+        let grid = VoxelGrid::from_tree(tree, &VoxelGridOptions { interpolation })
+            .map_err(|source| Error::medium(place(), source))?;
+        self.seconds_build += start.elapsed().as_secs_f64();
         let report = grid.report();
         for (count, what) in
             [(report.replaced_non_finite, "not finite"), (report.replaced_negative, "negative")]
         {
             if count > 0 {
-                tracing::warn!("{}: {count} values are {what} and count as 0", path.display());
+                tracing::warn!("{}: {count} values are {what} and count as 0", key.0.display());
             }
         }
         let grid = Arc::new(grid);
@@ -288,12 +344,13 @@ fn load_homogeneous(
         (spec.density.is_some(), "/density"),
         (spec.interpolation.is_some(), "/interpolation"),
         (spec.frame.is_some(), "/frame"),
+        (spec.emission.is_some(), "/emission"),
     ] {
         if given {
             return Err(Error::invalid(
                 place(key),
                 "this key belongs to volumes with a grid",
-                "remove it, or replace `homogeneous` by `vdb`",
+                "remove it, or replace `homogeneous` by `vdb`; light and fog can be two volumes that overlap",
             ));
         }
     }
@@ -325,6 +382,7 @@ fn load_homogeneous(
     Ok(Volume {
         name: name(request),
         medium: Arc::new(Medium::Homogeneous(medium)),
+        emission: None,
         source: VolumeSource::Homogeneous,
     })
 }
@@ -418,7 +476,7 @@ pub fn default_density_grid(file: &VdbFile) -> Option<usize> {
     }
 }
 
-fn grid_info<'a>(file: &'a VdbFile, index: usize, path: &Path) -> Result<&'a GridInfo, Error> {
+pub(crate) fn grid_info<'a>(file: &'a VdbFile, index: usize, path: &Path) -> Result<&'a GridInfo, Error> {
     file.grids().get(index).ok_or_else(|| {
         Error::missing(Place::file(path), format!("grid {index} does not exist"), "")
     })
@@ -497,7 +555,7 @@ fn phase(spec: Option<&PhaseSpec>, place: &dyn Fn() -> Place) -> Result<Phase, E
     }
 }
 
-fn channels(
+pub(crate) fn channels(
     rgb: Rgb,
     range: std::ops::RangeInclusive<f64>,
     place: &dyn Fn() -> Place,

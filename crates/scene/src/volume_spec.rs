@@ -41,8 +41,7 @@ pub struct VolumeSpec {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("default" = {"type": "isotropic"}))]
     pub phase: Option<PhaseSpec>,
-    /// Light that the medium gives off. Not rendered by this version: refused in a job, left out
-    /// with a warning in glTF.
+    /// Light that the volume gives off.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub emission: Option<EmissionSpec>,
     /// How values between voxels are formed.
@@ -117,11 +116,14 @@ pub enum PhaseSpec {
     },
 }
 
-/// Light that a medium gives off.
+/// Light that a volume gives off, as radiance per scene unit along a ray; scaling the volume makes it
+/// larger, and thereby brighter.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "type", rename_all = "snake_case", deny_unknown_fields)]
 pub enum EmissionSpec {
-    /// `sigma_a` times the Planck radiance at the temperature.
+    /// Glowing soot: `sigma_a = sigma_t * (1 - albedo)` of the volume times the radiance of a black
+    /// body, so that there is light where there is both density and heat. Black below 500 K, constant
+    /// above 20000 K; colours outside Rec. 709 are clamped at the same luminance.
     Blackbody {
         /// Where the temperature comes from.
         temperature: TemperatureSpec,
@@ -129,16 +131,19 @@ pub enum EmissionSpec {
         #[serde(default, skip_serializing_if = "Option::is_none")]
         #[schemars(extend("default" = 1))]
         intensity: Option<f64>,
-        /// Radiance scaled to luminance 1 before `intensity`; false is absolute.
+        /// False: Planck's radiance in W/(m^2 sr), weighted by the CIE 1931 observer, so that 683
+        /// times its luminance is in cd/m^2. True: the same colour at luminance 1 (rising from 0 at
+        /// 500 K to 1 at 800 K).
         #[serde(default, skip_serializing_if = "Option::is_none")]
         #[schemars(extend("default" = false))]
         normalised: Option<bool>,
     },
-    /// Radiance added per scene unit: `scale * color * value`.
+    /// Radiance added per scene unit, whatever the density: `scale * color * value`, or `scale` times
+    /// the colour that `ramp` gives the value. What Cycles calls emission coefficients.
     Grid {
-        /// Name of the grid.
+        /// Name of a grid of numbers, or of vectors (red, green, blue).
         grid: String,
-        /// Linear Rec. 709.
+        /// Linear Rec. 709; excludes `ramp`.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         #[schemars(extend("default" = [1, 1, 1]))]
         color: Option<Rgb>,
@@ -146,16 +151,30 @@ pub enum EmissionSpec {
         #[serde(default, skip_serializing_if = "Option::is_none")]
         #[schemars(extend("default" = 1))]
         scale: Option<f64>,
+        /// Colours by grid value, in ascending order: linear between them, constant beyond the first
+        /// and the last. Black at the grid's background, 0 as a rule.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        ramp: Option<Vec<RampNodeSpec>>,
     },
+}
+
+/// One colour of a ramp.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RampNodeSpec {
+    /// Value of the grid.
+    pub value: f64,
+    /// Linear Rec. 709.
+    pub color: Rgb,
 }
 
 /// Temperature in kelvin: `scale * value + offset`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TemperatureSpec {
-    /// Name of the grid.
+    /// Name of a grid of numbers; negative ones count as 0.
     pub grid: String,
-    /// Kelvin per grid unit.
+    /// Kelvin per grid unit; at least 0.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("default" = 1))]
     pub scale: Option<f64>,
@@ -374,6 +393,13 @@ mod tests {
         )
         .unwrap();
         assert!(matches!(grid.emission, Some(EmissionSpec::Grid { .. })));
+        let ramp: VolumeSpec = json::parse(
+            r#"{"emission": { "type": "grid", "grid": "heat", "ramp": [{"value": 0, "color": 0},
+                {"value": 1, "color": [1, 0.5, 0]}] }}"#,
+        )
+        .unwrap();
+        let Some(EmissionSpec::Grid { ramp: Some(ramp), .. }) = ramp.emission else { panic!() };
+        assert_eq!(ramp[1].color, Rgb::Channels([1.0, 0.5, 0.0]));
     }
 
     #[test]

@@ -252,6 +252,7 @@ fn picture(sigma_t: f32, albedo: f32, g: f32, lit: Lit) -> Result<Box<Scene>, Er
         volumes: vec![Volume {
             name: "lumps".into(),
             medium: Arc::new(Medium::Grid(medium)),
+            emission: None,
             source: VolumeSource::Homogeneous,
         }],
         lights,

@@ -2,6 +2,7 @@
 
 mod bounds;
 mod build;
+mod index_range;
 mod source;
 mod splits;
 mod topology;
@@ -125,9 +126,14 @@ impl VoxelGrid {
             }
             local[axis] = c as i32;
         }
+        self.local_value(local)
+    }
+
+    /// The stored value of a local voxel, which must lie within the extent.
+    pub(crate) fn local_value(&self, ijk: [i32; 3]) -> f32 {
         match &self.voxels {
-            Voxels::Half(v) => self.view(v).voxel(local),
-            Voxels::Single(v) => self.view(v).voxel(local),
+            Voxels::Half(v) => self.view(v).voxel(ijk),
+            Voxels::Single(v) => self.view(v).voxel(ijk),
         }
     }
 

@@ -131,6 +131,14 @@ impl<'a, V: Voxel, P: Partition> GridRay<'a, V, P> {
     }
 }
 
+impl<V: Voxel, P: Partition> GridRay<'_, V, P> {
+    /// The local point at ray parameter `t` of the segment handed out last: inside its cell whatever rounding says, so that the bound holds.
+    #[inline(always)]
+    pub(crate) fn local_in_cell(&self, t: f32) -> Vec3 {
+        (self.p0 + self.d * t).max(self.low).min(self.high).into()
+    }
+}
+
 impl<V: Voxel, P: Partition> RayField for GridRay<'_, V, P> {
     #[inline(always)]
     fn next_segment(&mut self) -> Option<MajorantSegment> {
@@ -156,9 +164,7 @@ impl<V: Voxel, P: Partition> RayField for GridRay<'_, V, P> {
 
     #[inline(always)]
     fn sigma_t(&self, t: f32) -> f32 {
-        // Inside the cell whatever rounding says, so that its bound holds.
-        let p = (self.p0 + self.d * t).max(self.low).min(self.high);
-        let mut p = Vec3::from(p);
+        let mut p = self.local_in_cell(t);
         let high = self.cell.high;
         let mut ijk = [
             (p.x as i32).min(high[0] - 1),

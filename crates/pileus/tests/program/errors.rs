@@ -74,6 +74,11 @@ fn values_out_of_range_are_placed() {
         ("/volumes/0/transform", serde_json::json!({"scale": [1, 0, 1]})),
         ("/volumes/0/density/scale", serde_json::json!(-1)),
         ("/volumes/0/density/grid", serde_json::json!("smoke")),
+        ("/volumes/0/emission", serde_json::json!({"type": "grid", "grid": "flame"})),
+        (
+            "/volumes/0/emission",
+            serde_json::json!({"type": "grid", "grid": "density", "ramp": [{"value": 0, "color": 1}]}),
+        ),
         ("/sampling/spp", serde_json::json!(0)),
         ("/sampling/spp", serde_json::json!(1.5)),
         ("/film/resolution", serde_json::json!([0, 4])),
@@ -99,9 +104,7 @@ fn values_out_of_range_are_placed() {
 
 #[test]
 fn what_later_versions_may_render_is_told_apart() {
-    let fire = serde_json::json!({"type": "grid", "grid": "flame"});
     for (pointer, value) in [
-        ("/volumes/0/emission", fire),
         ("/volumes/0/interpolation", "tricubic".into()),
         ("/camera", serde_json::json!({"shutter": [0.0, 0.5]})),
         ("/output/aovs", serde_json::json!(["depth"])),
