@@ -88,6 +88,7 @@ pub fn scene(media: Vec<Medium>, position: DVec3, target: DVec3, fov_y: f64) -> 
         })
         .collect();
     Scene {
+        surfaces: None,
         camera,
         volumes,
         lights: Vec::new(),

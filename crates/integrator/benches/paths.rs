@@ -35,6 +35,7 @@ fn scene(name: &str, scale: f32, albedo: [f32; 3], g: f32) -> Scene {
             emission: None,
             source: VolumeSource::Homogeneous,
         }],
+        surfaces: None,
         lights: vec![Light::Sun(Sun {
             to_light: Vec3::new(0.5, 0.8, -0.3).normalize(),
             irradiance: Vec3::splat(3.0),
@@ -103,6 +104,7 @@ fn field(count: usize) -> Scene {
             name: format!("cloud {i}"),
             medium: Arc::new(Medium::Grid(placed.expect("a medium"))),
             source: VolumeSource::Homogeneous,
+            emission: None,
         });
     }
     scene

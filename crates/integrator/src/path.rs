@@ -26,6 +26,12 @@ use pileus_scene::{Bsdf, Environment};
 /// Throughput below which a path is played roulette.
 const ROULETTE_THROUGHPUT: f32 = 0.25;
 
+/// Bounces after which paths are played roulette at surfaces whatever their throughput.
+const LONG_PATH: u32 = 64;
+
+/// With this probability of going on.
+const LONG_PATH_SURVIVAL: f32 = 0.95;
+
 /// A shadow ray is certain if the lights' importance times the throughput is at least this; below it is played roulette. Importance
 /// one is what isotropic scattering gives.
 const SHADOW_IMPORTANCE: f32 = 1.0;
@@ -196,8 +202,11 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
                     counters,
                 );
             }
-            if strongest < ROULETTE_THROUGHPUT {
+            // Light that smooth glass reflects for ever loses nothing: long paths end by chance at surfaces, never in media, which let go of theirs.
+            let trapped = W::WHOLE && !in_medium && bounces > LONG_PATH;
+            if strongest < ROULETTE_THROUGHPUT || trapped {
                 let survive = strongest / ROULETTE_THROUGHPUT;
+                let survive = if trapped { survive.min(LONG_PATH_SURVIVAL) } else { survive };
                 if uniform(sampler) >= survive {
                     break;
                 }

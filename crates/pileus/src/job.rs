@@ -63,6 +63,20 @@ pub struct GltfSpec {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("default" = DEFAULT_LUMENS_PER_WATT))]
     pub lumens_per_watt: Option<f64>,
+    /// What a transmissive surface without `KHR_materials_volume` is.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("default" = "closed_meshes_are_solid"))]
+    pub glass: Option<GlassSpec>,
+}
+
+/// What a transmissive surface without `KHR_materials_volume` is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum GlassSpec {
+    /// An infinitely thin wall that bends nothing, as glTF says.
+    ByTheLetter,
+    /// A body that bends light if its mesh is closed, as modelling programs mean it; else a thin wall.
+    ClosedMeshesAreSolid,
 }
 
 /// A perspective camera: `position` and `look_at`, or the `node` of a camera in the glTF scene.

@@ -15,7 +15,7 @@ use pileus_scene::json::Document;
 use pileus_scene::volume::DefaultScale;
 use pileus_scene::volume_spec::{DensitySpec, Rgb, VolumeSpec};
 use pileus_scene::{
-    CameraRequest, Environment, EnvironmentImage, Error, Light, Loaded, Place, Point, Scene,
+    CameraRequest, Environment, EnvironmentImage, Error, GlassRule, Light, Loaded, Place, Point, Scene,
     SceneRequest, Sun, VolumeSource,
 };
 
@@ -23,7 +23,7 @@ use crate::failure::Failure;
 use crate::input::Input;
 use crate::job::{
     CameraSpec, DEFAULT_FILTER_RADIUS, DEFAULT_FOV_Y, DEFAULT_LUMENS_PER_WATT, DEFAULT_SPP,
-    DistanceSpec, FilmSpec, FilterKind, FilterSpec, Job, LightSpec, OutputSpec, SamplingSpec,
+    DistanceSpec, FilmSpec, FilterKind, FilterSpec, GlassSpec, Job, LightSpec, OutputSpec, SamplingSpec,
     TransmittanceSpec,
 };
 
@@ -186,6 +186,10 @@ impl Settings {
         let places = self.places.clone();
         let mut loaded = Scene::load(SceneRequest {
             gltf: self.gltf.clone(),
+            glass_rule: match self.job.gltf.as_ref().and_then(|gltf| gltf.glass) {
+                Some(GlassSpec::ByTheLetter) => GlassRule::ByTheLetter,
+                Some(GlassSpec::ClosedMeshesAreSolid) | None => GlassRule::default(),
+            },
             volumes: self.volumes.clone(),
             volume_place: &|i, key| places.at(&format!("/volumes/{i}{key}")),
             camera: self.camera.clone(),
