@@ -71,8 +71,8 @@ impl Image {
     /// A texel, linear; the last one for places outside.
     #[inline]
     pub(crate) fn texel(&self, x: u32, y: u32) -> Vec4 {
-        let at = y.min(self.height - 1) as usize * self.width as usize
-            + x.min(self.width - 1) as usize;
+        let at =
+            y.min(self.height - 1) as usize * self.width as usize + x.min(self.width - 1) as usize;
         match &self.texels {
             Texels::Eight { texels, srgb } => {
                 let texel = texels.get(at).copied().unwrap_or_default();
