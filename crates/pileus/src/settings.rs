@@ -15,8 +15,8 @@ use pileus_scene::json::Document;
 use pileus_scene::volume::DefaultScale;
 use pileus_scene::volume_spec::{DensitySpec, Rgb, VolumeSpec};
 use pileus_scene::{
-    CameraRequest, Environment, EnvironmentImage, Error, Light, Loaded, Place, Point, Scene,
-    SceneRequest, Sun, VolumeSource,
+    CameraRequest, Environment, EnvironmentImage, Error, GlassRule, Light, Loaded, Place, Point,
+    Scene, SceneRequest, Sun, VolumeSource,
 };
 
 use crate::failure::Failure;
@@ -193,6 +193,7 @@ impl Settings {
             environment,
             resolution: self.resolution,
             default_scale: self.default_scale,
+            glass_rule: GlassRule::default(),
         })?;
         loaded.seconds_load += seconds;
         self.record(&loaded.scene);

@@ -285,7 +285,7 @@ impl Surfaces {
                 // the end of the ray is not part of it.
                 if found.t == closest {
                     let key = |hit: &Hit| (hit.instance, hit.triangle);
-                    if !best.as_ref().is_some_and(|best| key(&hit) < key(best)) {
+                    if best.as_ref().is_none_or(|best| key(&hit) >= key(best)) {
                         return closest;
                     }
                 }
