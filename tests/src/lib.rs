@@ -93,6 +93,7 @@ pub fn scene(media: Vec<Medium>, position: DVec3, target: DVec3, fov_y: f64) -> 
         volumes,
         lights: Vec::new(),
         environment: Environment::default(),
+        surfaces: None,
         not_modelled: Vec::new(),
     }
 }

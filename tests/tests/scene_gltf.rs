@@ -3,7 +3,7 @@
 use glam::{DVec3, Vec3};
 use pileus_media::{Albedo, GridMedium, Medium, Phase};
 use pileus_scene::volume::DefaultScale;
-use pileus_scene::{CameraRequest, Error, Light, Loaded, Place, Scene, SceneRequest};
+use pileus_scene::{CameraRequest, Error, GlassRule, Light, Loaded, Place, Scene, SceneRequest};
 use pileus_tests::root;
 use pileus_vdb::VdbFile;
 use std::path::{Path, PathBuf};
@@ -13,7 +13,9 @@ fn arrange(scene: &str, volume: &str) -> (tempfile::TempDir, PathBuf) {
     let folder = tempfile::tempdir().unwrap();
     let gltf = folder.path().join("gltf");
     std::fs::create_dir(&gltf).unwrap();
-    std::fs::copy(root().join("tests/data/gltf").join(scene), gltf.join(scene)).unwrap();
+    for file in [scene, "studio.bin"] {
+        std::fs::copy(root().join("tests/data/gltf").join(file), gltf.join(file)).unwrap();
+    }
     let asset = root().join("scenes/assets").join(volume);
     std::fs::copy(asset, folder.path().join(volume)).unwrap();
     (folder, gltf.join(scene))
@@ -29,6 +31,7 @@ fn load(path: &Path, resolution: Option<[u32; 2]>, lumens_per_watt: f64) -> Resu
         environment: None,
         resolution,
         default_scale: DefaultScale::One,
+        glass_rule: GlassRule::default(),
     })
 }
 
@@ -69,7 +72,11 @@ fn studio_has_its_camera_and_lights() {
     assert!((sun.to_light - q * Vec3::Z).length() < 1e-6);
     assert!(sun.to_light.y > 0.5 && spot.direction.y < -0.3);
     assert!(scene.environment.is_black());
-    assert!(scene.not_modelled.iter().any(|item| item.contains("5 nodes with meshes")));
+    // Surfaces, their materials and the lamp are modelled.
+    assert!(scene.not_modelled.is_empty(), "{:?}", scene.not_modelled);
+    let surfaces = scene.surfaces.as_ref().unwrap();
+    assert_eq!((surfaces.counts().triangles, surfaces.emitters().len()), (3182, 2));
+    assert!(loaded.notes.iter().any(|note| note.contains("`glass` fills closed meshes")));
 
     let watts = load(&path, None, 1.0).unwrap().scene;
     let [Light::Sun(sun), ..] = watts.lights.as_slice() else { panic!() };
@@ -162,6 +169,7 @@ fn cameras_are_found_by_node() {
             environment: None,
             resolution: Some([100, 50]),
             default_scale: DefaultScale::One,
+            glass_rule: GlassRule::default(),
         })
     };
     assert_eq!(request("Camera").unwrap().scene.camera.resolution(), [100, 50]);

@@ -185,14 +185,15 @@ fn emission_is_what_the_job_says() {
             let expected = match kind {
                 0 => Vec3::new(20.0, 7.0, 1.6) * value(&flame),
                 1 => Vec3::new(3.0, 1.5, 0.0) * (2.0 * value(&flame)).min(1.0),
-                2 => {
-                    6.0 * value(&density) * blackbody(kelvin(1000.0), BlackbodyRadiance::Absolute)
-                }
+                2 => 6.0 * value(&density) * blackbody(kelvin(1000.0), BlackbodyRadiance::Absolute),
                 3 => {
                     let le = blackbody(kelvin(900.0) + 100.0, BlackbodyRadiance::Normalised);
                     3.0 * value(&density) * le
                 }
-                _ => Vec3::from_array(velocity.value(at).0).max(Vec3::ZERO) * Vec3::new(1.0, 2.0, 3.0),
+                _ => {
+                    Vec3::from_array(velocity.value(at).0).max(Vec3::ZERO)
+                        * Vec3::new(1.0, 2.0, 3.0)
+                }
             };
             let found = field.emission(p);
             // Rounding moves a voxel's centre by 1e-15 of a voxel.
@@ -264,10 +265,7 @@ fn faults_of_emission_are_placed() {
             r#"{"type": "blackbody", "temperature": {"grid": "velocity"}}"#,
             "/emission/temperature/grid",
         ),
-        (
-            r#"{"type": "blackbody", "temperature": {"grid": "heat"}}"#,
-            "/emission/temperature/grid",
-        ),
+        (r#"{"type": "blackbody", "temperature": {"grid": "heat"}}"#, "/emission/temperature/grid"),
         (
             r#"{"type": "blackbody", "temperature": {"grid": "temperature", "scale": -1}}"#,
             "/emission/temperature/scale",

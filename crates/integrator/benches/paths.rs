@@ -42,6 +42,7 @@ fn scene(name: &str, scale: f32, albedo: [f32; 3], g: f32) -> Scene {
             angular_diameter: 0.0,
         })],
         environment: Environment { constant: Vec3::new(0.3, 0.4, 0.6), image: None },
+        surfaces: None,
         not_modelled: Vec::new(),
     }
 }

@@ -11,7 +11,7 @@
 
 use crate::counters::Counters;
 use crate::interior::{self, Inside};
-use crate::lights::Lights;
+use crate::lights::{Fire, Lights};
 use crate::media::{Flown, Media, Ray};
 use crate::sampler::PathSampler;
 use crate::world::{InMedium, Vertex, World, luminance};
@@ -134,7 +134,8 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
             }
             let (p, vertex, turn) = match event {
                 Event::Escape => {
-                    radiance += beta * self.escape::<MIS>(&ray, last.as_ref(), flown.null_probability);
+                    radiance +=
+                        beta * self.escape::<MIS>(&ray, last.as_ref(), flown.null_probability);
                     break;
                 }
                 Event::Collision { t, phase, albedo } => {
@@ -193,7 +194,8 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
             };
             if scatters && !self.lights.is_empty() {
                 let flight = Flight { ray: &ray, part, in_medium };
-                let shading = Shading { p, vertex: &vertex, beta, strongest, inside: &inside, flight };
+                let shading =
+                    Shading { p, vertex: &vertex, beta, strongest, inside: &inside, flight };
                 radiance += self.next_event::<MIS, EQUIANGULAR>(
                     &shading,
                     [u_light, u_shadow],
@@ -288,7 +290,8 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         null_probability: f32,
     ) -> f32 {
         let (Some(last), Some(emitter)) = (last, emitter) else { return 1.0 };
-        let Some((index, pdf)) = self.lights.met_lamp(emitter, last.p, t, normal.dot(ray.direction))
+        let Some((index, pdf)) =
+            self.lights.met_lamp(emitter, last.p, t, normal.dot(ray.direction))
         else {
             return 1.0;
         };
@@ -323,9 +326,8 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
             let u = uniform(sampler);
             fire.points(ray.origin, ray.direction, to, u, tally, |point| {
                 let weight = probability.map_or(1.0, |(pdf, probability)| {
-                    let volume = f64::from(fire.pdf(point.p)) * point.t * point.t;
-                    let pdf_light = (volume / f64::from(point.rate)) as f32 * probability;
-                    weight_of_path(pdf, pdf, pdf_light)
+                    let sampled = Fire::pdf_of_direction(fire.pdf(point.p), point.t, point.rate);
+                    weight_of_path(pdf, pdf, sampled * probability)
                 });
                 let light = point.contribution * weight;
                 if analog {
@@ -405,7 +407,9 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
             weight *= 1.0 - self.equiangular_weight(at.flight.ray, part, position, t) as f32;
         }
         let mut arrives = shadow.transmittance * light.weight;
-        if W::WHOLE && let Some(body) = at.inside.last() {
+        if W::WHOLE
+            && let Some(body) = at.inside.last()
+        {
             arrives *= interior::transmittance(body, light.distance);
         }
         at.beta * value * arrives * weight

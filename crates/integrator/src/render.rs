@@ -172,15 +172,8 @@ fn dispatch<J: Job>(
         };
     }
     let world = MediaAlone;
-    let kernel = Kernel {
-        media,
-        world,
-        lights,
-        environment,
-        max_bounces,
-        typical_sigma_t,
-        analog_flights,
-    };
+    let kernel =
+        Kernel { media, world, lights, environment, max_bounces, typical_sigma_t, analog_flights };
     run_planned(plan, job, &kernel)
 }
 

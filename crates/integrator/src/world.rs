@@ -98,13 +98,7 @@ pub(crate) trait World: Sync {
 
     /// Whether a surface hides what lies at `distance`, or at `end` if that is a point of a surface itself.
     #[inline(always)]
-    fn occluded<R: Rng>(
-        &self,
-        ray: &Ray,
-        distance: f64,
-        end: Option<DVec3>,
-        rng: &mut R,
-    ) -> bool {
+    fn occluded<R: Rng>(&self, ray: &Ray, distance: f64, end: Option<DVec3>, rng: &mut R) -> bool {
         if !Self::WHOLE {
             return false;
         }

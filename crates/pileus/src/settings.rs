@@ -15,16 +15,16 @@ use pileus_scene::json::Document;
 use pileus_scene::volume::DefaultScale;
 use pileus_scene::volume_spec::{DensitySpec, Rgb, VolumeSpec};
 use pileus_scene::{
-    CameraRequest, Environment, EnvironmentImage, Error, GlassRule, Light, Loaded, Place, Point, Scene,
-    SceneRequest, Sun, VolumeSource,
+    CameraRequest, Environment, EnvironmentImage, Error, GlassRule, Light, Loaded, Place, Point,
+    Scene, SceneRequest, Sun, VolumeSource,
 };
 
 use crate::failure::Failure;
 use crate::input::Input;
 use crate::job::{
     CameraSpec, DEFAULT_FILTER_RADIUS, DEFAULT_FOV_Y, DEFAULT_LUMENS_PER_WATT, DEFAULT_SPP,
-    DistanceSpec, FilmSpec, FilterKind, FilterSpec, GlassSpec, Job, LightSpec, OutputSpec, SamplingSpec,
-    TransmittanceSpec,
+    DistanceSpec, FilmSpec, FilterKind, FilterSpec, GlassSpec, Job, LightSpec, OutputSpec,
+    SamplingSpec, TransmittanceSpec,
 };
 
 /// Half width of a Blackman-Harris filter of jobs that do not say, pixels.
@@ -197,6 +197,7 @@ impl Settings {
             environment,
             resolution: self.resolution,
             default_scale: self.default_scale,
+            glass_rule: GlassRule::default(),
         })?;
         loaded.seconds_load += seconds;
         self.record(&loaded.scene);

@@ -138,7 +138,9 @@ impl Scene {
             None => Environment::default(),
         };
         if volumes.is_empty() && surfaces.is_none() {
-            notes.push("there is no volume and no surface: the picture shows the environment alone".into());
+            notes.push(
+                "there is no volume and no surface: the picture shows the environment alone".into(),
+            );
         }
         Ok(Loaded {
             scene: Scene {

@@ -211,7 +211,8 @@ struct Parts<'a> {
 impl<'a> Parts<'a> {
     fn split(path: &Path, bytes: &'a [u8]) -> Result<Self, Error> {
         let json = json_text(path, bytes)?;
-        let bin = if bytes.starts_with(b"glTF") { bin_chunk(path, bytes, json.len())? } else { None };
+        let bin =
+            if bytes.starts_with(b"glTF") { bin_chunk(path, bytes, json.len())? } else { None };
         Ok(Self { json, bin })
     }
 }
@@ -542,7 +543,9 @@ fn list_not_modelled(root: &json::Root, scene: &mut GltfScene) {
     let skinned = root.nodes.iter().filter(|n| n.mesh.is_some() && n.skin.is_some()).count();
     if skinned > 0 {
         let nodes = plural(skinned, "node", "nodes");
-        scene.not_modelled.push(format!("skins of {nodes}: meshes keep the shape they are stored in"));
+        scene
+            .not_modelled
+            .push(format!("skins of {nodes}: meshes keep the shape they are stored in"));
     }
     let morphed = |mesh: &json::Mesh| {
         mesh.primitives.iter().any(|p| p.targets.as_ref().is_some_and(|t| !t.is_empty()))

@@ -96,12 +96,8 @@ fn component(bytes: &[u8], component: ComponentType, normalized: bool) -> Option
     Some(match component {
         ComponentType::I8 => scaled(f32::from(i8::from_le_bytes(*bytes.first_chunk()?)), 127.0),
         ComponentType::U8 => scaled(f32::from(u8::from_le_bytes(*bytes.first_chunk()?)), 255.0),
-        ComponentType::I16 => {
-            scaled(f32::from(i16::from_le_bytes(*bytes.first_chunk()?)), 32767.0)
-        }
-        ComponentType::U16 => {
-            scaled(f32::from(u16::from_le_bytes(*bytes.first_chunk()?)), 65535.0)
-        }
+        ComponentType::I16 => scaled(f32::from(i16::from_le_bytes(*bytes.first_chunk()?)), 32767.0),
+        ComponentType::U16 => scaled(f32::from(u16::from_le_bytes(*bytes.first_chunk()?)), 65535.0),
         ComponentType::U32 => u32::from_le_bytes(*bytes.first_chunk()?) as f32,
         ComponentType::F32 => f32::from_le_bytes(*bytes.first_chunk()?),
     })

@@ -44,11 +44,7 @@ pub(crate) struct View<'a> {
 }
 
 impl<'a> Buffers<'a> {
-    pub(crate) fn new(
-        document: &'a Document,
-        root: &'a json::Root,
-        bin: Option<&'a [u8]>,
-    ) -> Self {
+    pub(crate) fn new(document: &'a Document, root: &'a json::Root, bin: Option<&'a [u8]>) -> Self {
         Self {
             document,
             root,
@@ -212,9 +208,9 @@ impl<'a> Buffers<'a> {
         }
         let bytes = self.buffer(view.buffer.value())?;
         let start = view.byte_offset.map_or(0, |offset| offset.0);
-        let range = start.checked_add(view.byte_length.0).and_then(|end| {
-            bytes.get(usize::try_from(start).ok()?..usize::try_from(end).ok()?)
-        });
+        let range = start
+            .checked_add(view.byte_length.0)
+            .and_then(|end| bytes.get(usize::try_from(start).ok()?..usize::try_from(end).ok()?));
         let Some(part) = range else {
             return Err(Error::invalid(
                 self.document.place(&format!("/bufferViews/{index}")),

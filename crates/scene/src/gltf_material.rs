@@ -364,8 +364,11 @@ impl Reader<'_, '_> {
             self.check_factor(&[sheen.sheen_roughness_factor], &key("sheenRoughnessFactor"))?;
             material.sheen_color = Vec3::from_array(sheen.sheen_color_factor);
             material.sheen_roughness = sheen.sheen_roughness_factor;
-            material.sheen_color_texture =
-                self.texture(&sheen.sheen_color_texture, Meaning::Color, &key("sheenColorTexture"))?;
+            material.sheen_color_texture = self.texture(
+                &sheen.sheen_color_texture,
+                Meaning::Color,
+                &key("sheenColorTexture"),
+            )?;
             material.sheen_roughness_texture = self.texture(
                 &sheen.sheen_roughness_texture,
                 Meaning::Data,
@@ -434,10 +437,10 @@ impl Reader<'_, '_> {
             let what = "the anisotropy is not between -1 and 1";
             self.check(g.abs() < 1.0, &key("scatterAnisotropy"), what)?;
             self.check_factor(&scatter.multiscatter_color, &key("multiscatterColor"))?;
-            let albedo =
-                Vec3::from_array(scatter.multiscatter_color.map(|c| single_scattering_albedo(c, g)));
-            interior =
-                Interior { sigma_a: sigma_t * (1.0 - albedo), sigma_s: sigma_t * albedo, g };
+            let albedo = Vec3::from_array(
+                scatter.multiscatter_color.map(|c| single_scattering_albedo(c, g)),
+            );
+            interior = Interior { sigma_a: sigma_t * (1.0 - albedo), sigma_s: sigma_t * albedo, g };
         }
         material.interior = (sigma_t != Vec3::ZERO).then_some(interior);
         Ok(())

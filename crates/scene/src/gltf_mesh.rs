@@ -184,10 +184,12 @@ impl Loader<'_> {
             part.solid = match material.volume {
                 Some(thick) => thick,
                 None => {
-                    let asks = material.transmission > 0.0
-                        && self.rule == GlassRule::ClosedMeshesAreSolid;
+                    let asks =
+                        material.transmission > 0.0 && self.rule == GlassRule::ClosedMeshesAreSolid;
                     asks && *closed.get_or_insert_with(|| {
-                        is_closed(&triangles.iter().map(|(corners, _)| *corners).collect::<Vec<_>>())
+                        is_closed(
+                            &triangles.iter().map(|(corners, _)| *corners).collect::<Vec<_>>(),
+                        )
                     })
                 }
             };
@@ -208,9 +210,8 @@ impl Loader<'_> {
         triangles: &mut Vec<([Vec3; 3], Tag)>,
     ) -> Result<Option<Part>, Error> {
         let document = self.buffers.document;
-        let invalid = |what: String| {
-            Error::invalid(document.place(pointer), what, "export the file again")
-        };
+        let invalid =
+            |what: String| Error::invalid(document.place(pointer), what, "export the file again");
         let others = primitive.extensions.as_ref().map(|extensions| &extensions.others);
         if others.is_some_and(|others| others.contains_key("KHR_draco_mesh_compression")) {
             return Err(Error::unsupported(
@@ -234,7 +235,8 @@ impl Loader<'_> {
             None => self.materials.len().saturating_sub(1),
             Some(index) if index.value() + 1 < self.materials.len() => index.value(),
             Some(index) => {
-                let what = format!("the primitive names material {}, which does not exist", index.value());
+                let what =
+                    format!("the primitive names material {}, which does not exist", index.value());
                 return Err(invalid(what));
             }
         };
@@ -327,9 +329,8 @@ impl Loader<'_> {
         };
         let document = self.buffers.document;
         let pointer = format!("/nodes/{}/extensions/{INSTANCING}", node.node);
-        let invalid = |what: String| {
-            Error::invalid(document.place(&pointer), what, "export the file again")
-        };
+        let invalid =
+            |what: String| Error::invalid(document.place(&pointer), what, "export the file again");
         let found = Instancing::deserialize(value).map_err(|error| invalid(error.to_string()))?;
         let attributes = found.attributes;
         let vectors = |index: Option<usize>| {

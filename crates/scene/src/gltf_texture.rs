@@ -243,8 +243,7 @@ impl<'a> Textures<'a> {
 fn convert(image: DynamicImage, meaning: Meaning) -> Option<Image> {
     use DynamicImage::{ImageLuma16, ImageLumaA16, ImageRgb16, ImageRgba16};
     let (width, height) = (image.width(), image.height());
-    let wide =
-        matches!(image, ImageLuma16(_) | ImageLumaA16(_) | ImageRgb16(_) | ImageRgba16(_));
+    let wide = matches!(image, ImageLuma16(_) | ImageLumaA16(_) | ImageRgb16(_) | ImageRgba16(_));
     let texels = if wide {
         let mut texels: Vec<[u16; 4]> = image.into_rgba16().pixels().map(|p| p.0).collect();
         if meaning == Meaning::Color {

@@ -5,10 +5,10 @@ mod tree;
 use crate::settings::LightSampling;
 use crate::world::luminance;
 use glam::{DVec3, Vec3};
-use pileus_media::EmissionField;
 use pileus_media::elementary::sin_cos_turn;
 use pileus_media::phase::ISOTROPIC;
 use pileus_media::random::uniform;
+use pileus_media::{EmissionField, POINTS_PER_LINE};
 use pileus_scene::{EnvironmentImage, Light, Scene, Surfaces};
 use rand_core::Rng;
 use std::sync::Arc;
@@ -112,8 +112,13 @@ impl Fire {
         })
     }
 
-    /// A point of the volume, drawn by what it emits. Its density is one per volume; it is given as the density per solid angle that has the same ratio to
-    /// that of paths, which score in the volume at the field's rate.
+    /// The density per solid angle that has the same ratio to that of paths as `pdf`, per volume, of a point at a distance has. Paths score in a volume at the
+    /// field's rate, but the points on one path are as good as one: weights take the rate over the number of points on a typical line.
+    pub(crate) fn pdf_of_direction(pdf: f32, distance: f64, rate: f32) -> f32 {
+        (f64::from(pdf) * distance * distance * POINTS_PER_LINE / f64::from(rate)) as f32
+    }
+
+    /// A point of the volume, drawn by what it emits.
     fn sample<R: Rng + ?Sized>(&self, p: DVec3, u: [f32; 2], rng: &mut R) -> Option<LightSample> {
         let point = self.field.sample([u[0], u[1], uniform(rng), uniform(rng)])?;
         let to = point.p - p;
@@ -128,7 +133,7 @@ impl Fire {
             distance,
             end: None,
             weight: (point.emission.as_dvec3() / per_direction).as_vec3(),
-            pdf: (per_direction / f64::from(rate)) as f32,
+            pdf: Fire::pdf_of_direction(point.pdf, distance, rate),
             everywhere: false,
             along_the_way: true,
         })
@@ -412,7 +417,7 @@ impl Lights {
                 Some(LightSample {
                     wi: sample.wi,
                     distance: f64::INFINITY,
-                end: None,
+                    end: None,
                     weight: sample.radiance / sample.pdf,
                     pdf: sample.pdf,
                     everywhere: true,

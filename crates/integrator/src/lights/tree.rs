@@ -126,11 +126,9 @@ fn join_cones((a, cos_a): (Vec3, f32), (b, cos_b): (Vec3, f32)) -> (Vec3, f32) {
 impl LightTree {
     /// Builds a tree by splitting at the middle of the widest axis; sets whose normals differ most are not treated apart: lamps are flat or small.
     pub(crate) fn new(lights: &[TreeLight]) -> LightTree {
-        let mut tree =
-            LightTree { nodes: Vec::new(), leaf: vec![u32::MAX; lights.len()] };
-        let mut order: Vec<u32> = (0..lights.len() as u32)
-            .filter(|&i| lights[i as usize].strength > 0.0)
-            .collect();
+        let mut tree = LightTree { nodes: Vec::new(), leaf: vec![u32::MAX; lights.len()] };
+        let mut order: Vec<u32> =
+            (0..lights.len() as u32).filter(|&i| lights[i as usize].strength > 0.0).collect();
         if order.is_empty() {
             return tree;
         }
@@ -157,9 +155,8 @@ impl LightTree {
                 a[axis] + b[axis] + c[axis]
             };
             let middle = (to - from) / 2;
-            order[from..to].select_nth_unstable_by(middle, |&i, &j| {
-                key(i).total_cmp(&key(j)).then(i.cmp(&j))
-            });
+            order[from..to]
+                .select_nth_unstable_by(middle, |&i, &j| key(i).total_cmp(&key(j)).then(i.cmp(&j)));
             let child = tree.nodes.len();
             tree.nodes[node].child = child as u32;
             let blank = Node { parent: node as u32, ..blank };

@@ -386,7 +386,8 @@ impl Media for Overlapping<'_> {
                 ahead.push((index, entry));
                 break;
             }
-            let collision = self.fly_alone((ray, t_max), (index, entry), first.take(), flown, rng, tally);
+            let collision =
+                self.fly_alone((ray, t_max), (index, entry), first.take(), flown, rng, tally);
             if collision.is_some() {
                 return collision;
             }

@@ -258,6 +258,7 @@ fn picture(sigma_t: f32, albedo: f32, g: f32, lit: Lit) -> Result<Box<Scene>, Er
         }],
         lights,
         environment,
+        surfaces: None,
         not_modelled: Vec::new(),
     }))
 }

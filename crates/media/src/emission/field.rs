@@ -13,7 +13,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 /// Points on a line through the emission, on average over lines that meet it.
-const POINTS_PER_LINE: f64 = 8.0;
+pub const POINTS_PER_LINE: f64 = 8.0;
 
 /// A field of emission in the world: radiance per scene unit, whatever the extinction. Immutable; cheap to copy, since everything large is shared.
 ///

@@ -193,7 +193,8 @@ mod tests {
     /// The bound holds for every lookup in random rectangles, and is tight on small ones.
     #[test]
     fn peaks_bound_what_a_lookup_returns() {
-        let values: Vec<u8> = (0..37 * 11).map(|i: u32| (i.wrapping_mul(2_654_435_761) >> 24) as u8).collect();
+        let values: Vec<u8> =
+            (0..37 * 11).map(|i: u32| (i.wrapping_mul(2_654_435_761) >> 24) as u8).collect();
         let image = image(37, &values);
         let peaks = Peaks::new(&image);
         for wrap in [Wrap::Clamp, Wrap::Repeat, Wrap::Mirror] {

@@ -193,8 +193,7 @@ impl Material {
         let unit = |v: f32| v.clamp(0.0, 1.0);
         let colour = |v: Vec3| v.clamp(Vec3::ZERO, Vec3::ONE);
         let metallic_roughness = eval(&self.metallic_roughness_texture, point);
-        let base_color =
-            if self.unlit { Vec3::ZERO } else { self.base_color(point).truncate() };
+        let base_color = if self.unlit { Vec3::ZERO } else { self.base_color(point).truncate() };
         SurfaceParameters {
             base_color: colour(base_color),
             metallic: if self.unlit { 0.0 } else { unit(self.metallic * metallic_roughness.z) },

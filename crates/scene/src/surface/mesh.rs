@@ -96,9 +96,7 @@ impl Mesh {
 
     /// Bytes of triangles and tree.
     pub(crate) fn bytes(&self) -> usize {
-        size_of_val(self.corners.as_slice())
-            + size_of_val(self.tags.as_slice())
-            + self.tree.bytes()
+        size_of_val(self.corners.as_slice()) + size_of_val(self.tags.as_slice()) + self.tree.bytes()
     }
 
     #[inline]

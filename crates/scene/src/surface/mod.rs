@@ -140,8 +140,7 @@ impl Surfaces {
             });
         }
         let boxes: Vec<(DVec3, DVec3)> = instances.iter().map(|i| i.bounds).collect();
-        let Some(bounds) = boxes.iter().copied().reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))
-        else {
+        let Some(bounds) = boxes.iter().copied().reduce(|a, b| (a.0.min(b.0), a.1.max(b.1))) else {
             return Ok((None, flat));
         };
         let tree = Tree::new(&boxes);
@@ -211,7 +210,12 @@ impl Surfaces {
                         .double_sided,
                     instance: number as u32,
                     triangle,
-                    offset: instance.offset(mesh, triangle as usize, p0.abs().max(p1.abs()).max(p2.abs()), normal),
+                    offset: instance.offset(
+                        mesh,
+                        triangle as usize,
+                        p0.abs().max(p1.abs()).max(p2.abs()),
+                        normal,
+                    ),
                 });
             }
         }
@@ -241,13 +245,7 @@ impl Surfaces {
     }
 
     /// Whether a surface lies in (0, `t_max`) along a ray; holes and backs as in [`Self::intersect`].
-    pub fn occluded(
-        &self,
-        origin: DVec3,
-        direction: Vec3,
-        t_max: f64,
-        rng: &mut impl Rng,
-    ) -> bool {
+    pub fn occluded(&self, origin: DVec3, direction: Vec3, t_max: f64, rng: &mut impl Rng) -> bool {
         let ray = DRay { origin, direction: direction.as_dvec3() };
         self.trace::<true>(ray, t_max, rng).is_some()
     }
@@ -287,7 +285,7 @@ impl Surfaces {
                 // the end of the ray is not part of it.
                 if found.t == closest {
                     let key = |hit: &Hit| (hit.instance, hit.triangle);
-                    if !best.as_ref().is_some_and(|best| key(&hit) < key(best)) {
+                    if best.as_ref().is_none_or(|best| key(&hit) >= key(best)) {
                         return closest;
                     }
                 }

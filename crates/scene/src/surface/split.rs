@@ -42,9 +42,7 @@ pub(super) fn build(boxes: &[Aabb]) -> Bvh2 {
     }
     while let Some(Task { node, start, end, depth }) = tasks.pop() {
         let set = &mut order[start..end];
-        let bounds = set
-            .iter()
-            .fold(Aabb::empty(), |bounds, &i| bounds.union(&boxes[i as usize]));
+        let bounds = set.iter().fold(Aabb::empty(), |bounds, &i| bounds.union(&boxes[i as usize]));
         if set.len() == 1 {
             nodes[node] = Bvh2Node::new(bounds, 1, start as u32);
             continue;

@@ -68,7 +68,13 @@ fn sphere(n: usize, scale: f32, centre: Vec3) -> Vec<[Vec3; 3]> {
         let r = 1.0 + 0.05 * (7.0 * theta).sin() * (5.0 * phi).cos() * theta.sin();
         let p = DVec3::new(theta.sin() * phi.cos(), theta.cos(), theta.sin() * phi.sin()) * r;
         // At the poles sines are not exactly zero; a vertex there is one.
-        let p = if i == 0 { DVec3::Y } else if i == n { DVec3::NEG_Y } else { p };
+        let p = if i == 0 {
+            DVec3::Y
+        } else if i == n {
+            DVec3::NEG_Y
+        } else {
+            p
+        };
         centre + p.as_vec3() * scale
     };
     let mut triangles = Vec::new();
@@ -229,7 +235,8 @@ fn spawned_rays_leave_their_surface() {
                 if i & 4 == 0 { -1.0 } else { 1.0 },
             )
         };
-        let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+        let quads =
+            [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
         quads
             .iter()
             .flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]])
@@ -281,11 +288,8 @@ fn squares(material: Material, heights: &[f64]) -> Surfaces {
 
 #[test]
 fn masks_cut_holes_and_backs_are_culled() {
-    let map = Image::new(
-        2,
-        1,
-        Texels::Eight { texels: vec![[255, 255, 255, 0], [255; 4]], srgb: true },
-    );
+    let map =
+        Image::new(2, 1, Texels::Eight { texels: vec![[255, 255, 255, 0], [255; 4]], srgb: true });
     let masked = Material {
         base_color_texture: Some(Texture {
             nearest: true,
@@ -396,8 +400,7 @@ fn textured_emitters_average_their_texture_and_miss_no_light() {
         ..Material::default()
     };
     let half = squares(lamp(&values(&|x, _| x < 32)), &[0.0]);
-    let power: f64 =
-        half.emitters().iter().map(|e| e.area * f64::from(e.radiance.x)).sum();
+    let power: f64 = half.emitters().iter().map(|e| e.area * f64::from(e.radiance.x)).sum();
     assert!((power - 1.0).abs() < 0.1, "{power}");
     let dot = squares(lamp(&values(&|x, y| (x, y) == (100, 20))), &[0.0]);
     let (u, v) = (100.5 / 128.0, 20.5 / 128.0);

@@ -71,8 +71,8 @@ impl Image {
     /// A texel, linear; the last one for places outside.
     #[inline]
     pub(crate) fn texel(&self, x: u32, y: u32) -> Vec4 {
-        let at = y.min(self.height - 1) as usize * self.width as usize
-            + x.min(self.width - 1) as usize;
+        let at =
+            y.min(self.height - 1) as usize * self.width as usize + x.min(self.width - 1) as usize;
         match &self.texels {
             Texels::Eight { texels, srgb } => {
                 let texel = texels.get(at).copied().unwrap_or_default();
@@ -177,7 +177,7 @@ pub(crate) mod tests {
 
     #[test]
     fn srgb_has_its_known_values() {
-        for (byte, linear) in [(0, 0.0), (255, 1.0), (128, 0.215_860_5), (10, 0.003_035_269_8)] {
+        for (byte, linear) in [(0, 0.0), (255, 1.0), (128, 0.215_860_5), (10, 0.003_035_27)] {
             assert!((SRGB[byte] - linear).abs() < 2e-7, "{byte}: {}", SRGB[byte]);
         }
         assert!(SRGB.windows(2).all(|w| w[0] < w[1]));

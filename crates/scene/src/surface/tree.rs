@@ -61,7 +61,8 @@ impl Tree {
         let padded: Vec<Aabb> = boxes
             .iter()
             .map(|(low, high)| {
-                let corner = |p: DVec3, pad: f64| Vec3A::from(((p - centre) * scale + pad).as_vec3());
+                let corner =
+                    |p: DVec3, pad: f64| Vec3A::from(((p - centre) * scale + pad).as_vec3());
                 Aabb { min: corner(*low, -PAD), max: corner(*high, PAD) }
             })
             .collect();

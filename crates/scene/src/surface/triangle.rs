@@ -73,11 +73,7 @@ impl ShearedRay {
         if !(t > 0.0 && t <= t_max) {
             return None;
         }
-        Some(TriangleHit {
-            t,
-            barycentrics: [v * inverse, w * inverse],
-            front_face: area > 0.0,
-        })
+        Some(TriangleHit { t, barycentrics: [v * inverse, w * inverse], front_face: area > 0.0 })
     }
 }
 
