@@ -107,7 +107,10 @@ impl VolumeLoader {
             Some(_) if is_vector => {
                 return Err(Error::invalid(
                     place("/emission/ramp"),
-                    format!("grid `{name}` holds colours ({}), which need no ramp", info.value_type),
+                    format!(
+                        "grid `{name}` holds colours ({}), which need no ramp",
+                        info.value_type
+                    ),
                     "remove `ramp`, or name a grid of numbers",
                 ));
             }
@@ -145,8 +148,7 @@ impl VolumeLoader {
         let at_grid = || place("/emission/temperature/grid");
         let (index, info) = find(parts, name, "/emission/temperature/grid")?;
         let own = affine(info.transform.matrix().map_err(|source| Error::vdb(at_grid(), source))?);
-        let grid =
-            self.grid(parts.file, parts.path, index, parts.interpolation, &at_grid)?;
+        let grid = self.grid(parts.file, parts.path, index, parts.interpolation, &at_grid)?;
         warn_of_heat(parts.path, name, &grid, scale, offset);
         Ok(EmissionSource::Blackbody {
             density: parts.medium.grid().clone(),

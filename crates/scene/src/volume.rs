@@ -12,8 +12,8 @@ use pileus_media::{
 };
 use pileus_vdb::{GridClass, GridInfo, Tree, ValueType, Values, VdbFile};
 
-use crate::error::{Error, Place};
 use crate::emission::EmissionParts;
+use crate::error::{Error, Place};
 use crate::uri::with_frame;
 use crate::volume_spec::{
     AlbedoSpec, DEFAULT_ALBEDO, DensitySpec, HomogeneousSpec, InterpolationSpec, PhaseSpec, Rgb,
@@ -476,7 +476,11 @@ pub fn default_density_grid(file: &VdbFile) -> Option<usize> {
     }
 }
 
-pub(crate) fn grid_info<'a>(file: &'a VdbFile, index: usize, path: &Path) -> Result<&'a GridInfo, Error> {
+pub(crate) fn grid_info<'a>(
+    file: &'a VdbFile,
+    index: usize,
+    path: &Path,
+) -> Result<&'a GridInfo, Error> {
     file.grids().get(index).ok_or_else(|| {
         Error::missing(Place::file(path), format!("grid {index} does not exist"), "")
     })
