@@ -88,7 +88,6 @@ pub fn scene(media: Vec<Medium>, position: DVec3, target: DVec3, fov_y: f64) -> 
         })
         .collect();
     Scene {
-        surfaces: None,
         camera,
         volumes,
         lights: Vec::new(),
@@ -176,4 +175,76 @@ pub fn assert_expected(what: &str, a: &Rendered, expected: impl Fn(u32, u32) -> 
         test.max_abs_z,
         test.chi2
     );
+}
+
+/// A glTF scene of triangles in memory: each mesh is a list of triangles and its material, as glTF writes it.
+pub fn surfaces(meshes: &[(Vec<[[f32; 3]; 3]>, serde_json::Value)]) -> Arc<pileus_scene::Surfaces> {
+    use serde_json::{Value, json};
+    let (mut bytes, mut views, mut accessors, mut parts) = (Vec::new(), vec![], vec![], vec![]);
+    for (i, (triangles, _)) in meshes.iter().enumerate() {
+        let corners: Vec<[f32; 3]> = triangles.iter().flatten().copied().collect();
+        let reduce = |f: fn(f32, f32) -> f32| {
+            corners.iter().copied().reduce(|a, b| [0, 1, 2].map(|k| f(a[k], b[k]))).unwrap()
+        };
+        let (low, high) = (reduce(f32::min), reduce(f32::max));
+        views.push(
+            json!({"buffer": 0, "byteOffset": bytes.len(), "byteLength": 12 * corners.len()}),
+        );
+        accessors.push(
+            json!({"bufferView": i, "componentType": 5126, "count": corners.len(), "type": "VEC3",
+            "min": low, "max": high}),
+        );
+        bytes.extend(corners.iter().flatten().flat_map(|c| c.to_le_bytes()));
+        parts.push(json!({"primitives": [{"attributes": {"POSITION": i}, "material": i}]}));
+    }
+    let nodes: Vec<Value> = (0..meshes.len()).map(|i| json!({"mesh": i})).collect();
+    let materials: Vec<&Value> = meshes.iter().map(|(_, material)| material).collect();
+    let document = json!({
+        "asset": {"version": "2.0"},
+        "scenes": [{"nodes": (0..meshes.len()).collect::<Vec<_>>()}],
+        "nodes": nodes, "meshes": parts, "materials": materials,
+        "buffers": [{"uri": "geometry.bin", "byteLength": bytes.len()}],
+        "bufferViews": views, "accessors": accessors,
+    });
+    let folder = tempfile::tempdir().expect("a folder");
+    std::fs::write(folder.path().join("geometry.bin"), bytes).expect("a file");
+    let rule = pileus_scene::GlassRule::default();
+    let path = folder.path().join("scene.gltf");
+    let loaded =
+        pileus_scene::gltf::parse_with_surfaces(path, document.to_string().as_bytes(), 683.0, rule);
+    Arc::new(loaded.expect("a scene").1.surfaces.expect("surfaces"))
+}
+
+/// Two triangles: the parallelogram at `corner` with edges `a` and `b`, its front towards `a x b`.
+pub fn quad(corner: [f32; 3], a: [f32; 3], b: [f32; 3]) -> Vec<[[f32; 3]; 3]> {
+    let [p, a, b] = [corner, a, b].map(Vec3::from_array);
+    [[p, p + a, p + a + b], [p, p + a + b, p + b]].map(|t| t.map(|v| v.to_array())).to_vec()
+}
+
+/// A sphere of `16 n^2` triangles, front outwards.
+pub fn sphere(centre: DVec3, radius: f64, n: u32) -> Vec<[[f32; 3]; 3]> {
+    let point = |i: u32, j: u32| {
+        let theta = std::f64::consts::PI * f64::from(i) / f64::from(2 * n);
+        let phi = std::f64::consts::TAU * f64::from(j % (4 * n)) / f64::from(4 * n);
+        let on = DVec3::new(theta.sin() * phi.cos(), theta.cos(), -theta.sin() * phi.sin());
+        let on = if i == 0 {
+            DVec3::Y
+        } else if i == 2 * n {
+            DVec3::NEG_Y
+        } else {
+            on
+        };
+        (centre + on * radius).as_vec3().to_array()
+    };
+    let mut triangles = Vec::new();
+    for i in 0..2 * n {
+        for j in 0..4 * n {
+            let (a, b) = (point(i, j), point(i, j + 1));
+            let (c, d) = (point(i + 1, j), point(i + 1, j + 1));
+            triangles.extend(
+                [[a, c, d], [a, d, b]].into_iter().filter(|t| t[0] != t[2] && t[1] != t[2]),
+            );
+        }
+    }
+    triangles
 }

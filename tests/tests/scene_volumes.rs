@@ -176,7 +176,7 @@ fn emission_is_what_the_job_says() {
         };
         let volume = load(&spec, DefaultScale::One).unwrap();
         let field = volume.emission.unwrap();
-        let mut lit = 0;
+        let (mut lit, mut largest, mut worst) = (0, 0.0f32, 0.0f32);
         for i in 0..9000 {
             let at = [14 + i % 30, 13 + i / 30 % 26, 2 + i / 780];
             let p = DVec3::new(5.0, 0.0, 0.0) + 0.075 * DVec3::from_array(at.map(f64::from));
@@ -196,12 +196,14 @@ fn emission_is_what_the_job_says() {
                 }
             };
             let found = field.emission(p);
-            // Rounding moves a voxel's centre by 1e-15 of a voxel.
-            let slack = 1e-4 * expected.max_element().max(1e-6);
-            assert!((found - expected).abs().max_element() <= slack, "{kind}: {found} {expected}");
+            largest = largest.max(expected.max_element());
+            worst =
+                worst.max((found - expected).abs().max_element() - 1e-4 * expected.max_element());
             lit += usize::from(expected.max_element() > 0.0);
         }
         assert!(lit > 1000, "{kind}: {lit}");
+        // The file's voxel size is 0.0375 in single precision: points lie beside voxels by 1e-6 of one.
+        assert!(worst <= 2e-5 * largest, "{kind}: {worst} of {largest}");
     }
 }
 

@@ -35,7 +35,6 @@ fn scene(name: &str, scale: f32, albedo: [f32; 3], g: f32) -> Scene {
             emission: None,
             source: VolumeSource::Homogeneous,
         }],
-        surfaces: None,
         lights: vec![Light::Sun(Sun {
             to_light: Vec3::new(0.5, 0.8, -0.3).normalize(),
             irradiance: Vec3::splat(3.0),

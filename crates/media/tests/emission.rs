@@ -223,8 +223,8 @@ fn a_uniform_ball_in_closed_form() {
     let volume = 4.0 / 3.0 * std::f64::consts::PI * 4.0f64.powi(3);
     assert!((field.power() / volume - 1.0).abs() < 5e-3, "{} {volume}", field.power());
     let mut rng = Pcg32::new(3, 3);
-    for distance in [0.0, 1.0, 2.0, 3.0] {
-        let chord = 2.0 * (16.0 - distance * distance as f64).sqrt();
+    for distance in [0.0f64, 1.0, 2.0, 3.0] {
+        let chord = 2.0 * (16.0 - distance * distance).sqrt();
         let mut sum = 0.0;
         for _ in 0..2000 {
             // A random line at the distance from the middle.

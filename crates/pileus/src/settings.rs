@@ -197,7 +197,6 @@ impl Settings {
             environment,
             resolution: self.resolution,
             default_scale: self.default_scale,
-            glass_rule: GlassRule::default(),
         })?;
         loaded.seconds_load += seconds;
         self.record(&loaded.scene);

@@ -248,7 +248,6 @@ fn picture(sigma_t: f32, albedo: f32, g: f32, lit: Lit) -> Result<Box<Scene>, Er
     }
     let eye = DVec3::new(3.0, 2.0, 4.0);
     Ok(Box::new(Scene {
-        surfaces: None,
         camera: Camera::look_at(eye, DVec3::ZERO, DVec3::Y, 12.0, [8, 8]).map_err(Error::Scene)?,
         volumes: vec![Volume {
             name: "lumps".into(),

@@ -222,8 +222,9 @@ fn descend(source: &EmissionSource) -> (Vec<Cube>, Vec<(Cube, Bound)>) {
         {
             let cubes: BTreeSet<Cube> = varied.iter().map(|cube| cube.around(size)).collect();
             blocks.extend(cubes.into_iter().map(|cube| {
-                let bound = source.bound(cube.low(), cube.low() + cube.edge());
-                (cube, bound)
+                let Bound { max, constant } = source.bound(cube.low(), cube.low() + cube.edge());
+                // Few distinct bounds, so that the tables that lead to them are shared.
+                (cube, Bound { max: power_of_two_above(max), constant })
             }));
             return (Vec::new(), blocks);
         }
@@ -232,6 +233,17 @@ fn descend(source: &EmissionSource) -> (Vec<Cube>, Vec<(Cube, Bound)>) {
         }
         log2 -= 1;
         active = varied.into_iter().flat_map(Cube::children).collect();
+    }
+}
+
+/// The least power of two that is not below a positive number.
+fn power_of_two_above(value: f32) -> f32 {
+    let bits = value.to_bits();
+    let mantissa = (1 << 23) - 1;
+    if bits & mantissa == 0 {
+        value
+    } else {
+        f32::from_bits((bits & !mantissa).saturating_add(1 << 23))
     }
 }
 

@@ -119,19 +119,31 @@ impl EmissionSource {
             }
             *to_temperature = snapped(*to_temperature);
         }
-        let black = match &self {
-            EmissionSource::Ramp { grid, ramp } => ramp.at(grid.background()) == Vec3::ZERO,
+        let backgrounds = match &self {
+            EmissionSource::Ramp { grid, ramp } if ramp.at(grid.background()) != Vec3::ZERO => {
+                return Err(Error::invalid(
+                    format!(
+                        "the emission does not end: the ramp is not black at {}, the grid's background",
+                        grid.background()
+                    ),
+                    "let the ramp begin with black there",
+                ));
+            }
+            EmissionSource::Ramp { .. } => [0.0; 3],
             EmissionSource::Channels { channels, .. } => {
-                channels.iter().all(|grid| grid.background() == 0.0)
+                [0, 1, 2].map(|channel: usize| channels[channel].background())
             }
             EmissionSource::Grid { grid, .. } | EmissionSource::Blackbody { density: grid, .. } => {
-                grid.background() == 0.0
+                [grid.background(); 3]
             }
         };
-        if !black {
+        if backgrounds != [0.0; 3] {
             return Err(Error::unsupported(
-                "the emission does not end: it is not black at the background of its grid",
-                "let the ramp begin with black at the grid's background (0 as a rule), or set the background to 0",
+                format!(
+                    "the emission does not end: the grid's background is {}",
+                    backgrounds.into_iter().fold(0.0, f32::max)
+                ),
+                "set the background to 0",
             ));
         }
         Ok(self)
