@@ -376,6 +376,9 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         // The choice could not know where in an image the sample would lie; now it is known.
         let aimed = if light.everywhere { size / ISOTROPIC } else { 1.0 };
         let importance = choice.importance * at.strongest * aimed;
+        // What a surface sends on is as dark as its albedo: noise is judged by that, not by absolute light.
+        let importance =
+            if at.flight.in_medium { importance } else { importance.max(at.strongest) };
         let survive = (importance / SHADOW_IMPORTANCE).min(1.0);
         if survive < 1.0 && u[1] >= survive {
             return Vec3::ZERO;

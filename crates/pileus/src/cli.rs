@@ -97,7 +97,8 @@ Writes transmittance-NAME.csv, .html, and each plot as .svg and .png.")]
     Transmittance(ChartTransmittanceOptions),
     /// Whole images by every method.
     #[command(after_long_help = "\
-Methods are named distance+transmittance, with *F where majorants are scaled: delta+ratio, auto+regular, delta+ratio*4.
+Methods are named distance+transmittance, with *F where majorants are scaled and /paths where no shadow ray is sent to what paths can meet:
+delta+ratio, auto+regular, delta+ratio*4, auto+auto/paths.
 Writes render-NAME.csv, .html, and the plot as .svg and .png.")]
     Render(ChartRenderOptions),
     /// Every majorant structure on a scene: predicted and measured cost.

@@ -6,7 +6,7 @@ use crate::difference::{difference_image, difference_view};
 use crate::{Error, block_z_test};
 use pileus_film::{Curve, Film, Image, ToneMap, png_bytes, preview_rgb8};
 use pileus_integrator::{
-    Counters, Distance, Plan, RenderSettings, Transmittance, Unmonitored, render,
+    Counters, Distance, LightSampling, Plan, RenderSettings, Transmittance, Unmonitored, render,
 };
 use pileus_media::MajorantStructure;
 use pileus_media::distance::DistanceSampler;
@@ -25,6 +25,8 @@ pub struct RenderMethod {
     pub majorants: MajorantStructure,
     /// Factor on the majorants.
     pub majorant_scale: f32,
+    /// Which techniques find light that both can meet.
+    pub light_sampling: LightSampling,
 }
 
 impl RenderMethod {
@@ -34,6 +36,7 @@ impl RenderMethod {
         transmittance: Transmittance::Auto,
         majorants: MajorantStructure::Adaptive,
         majorant_scale: 1.0,
+        light_sampling: LightSampling::Both,
     };
 
     /// The methods of a chart: the plan's choice, every estimator beside its flights, every sampler beside ratio tracking, both regular, looser
@@ -68,7 +71,8 @@ impl RenderMethod {
         methods
     }
 
-    /// `distance+transmittance`, with `@structure` where it is not the default and `*factor` where majorants are scaled.
+    /// `distance+transmittance`, with `@structure` where it is not the default, `*factor` where majorants are scaled and `/paths` where no shadow ray is sent to what
+    /// paths can meet.
     pub fn name(&self) -> String {
         let structure = if self.majorants == MajorantStructure::default() {
             String::new()
@@ -80,7 +84,11 @@ impl RenderMethod {
         } else {
             format!("*{}", self.majorant_scale)
         };
-        format!("{}+{}{structure}{scale}", self.distance.name(), self.transmittance.name())
+        let light = match self.light_sampling {
+            LightSampling::Both => "",
+            LightSampling::Paths => "/paths",
+        };
+        format!("{}+{}{structure}{scale}{light}", self.distance.name(), self.transmittance.name())
     }
 
     /// The method of a name.
@@ -90,7 +98,11 @@ impl RenderMethod {
     pub fn from_name(name: &str) -> Result<RenderMethod, Error> {
         let wrong = || Error::Argument {
             what: format!("`{name}` is not a method"),
-            remedy: "write distance+transmittance, for example delta+ratio, auto+regular, delta+ratio@uniform_16 or delta+ratio*4",
+            remedy: "write distance+transmittance, for example delta+ratio, auto+regular, delta+ratio@uniform_16, delta+ratio*4 or auto+auto/paths",
+        };
+        let (name, light_sampling) = match name.strip_suffix("/paths") {
+            Some(name) => (name, LightSampling::Paths),
+            None => (name, LightSampling::Both),
         };
         let (methods, scale) = match name.split_once('*') {
             Some((methods, scale)) => (methods, scale.parse().map_err(|_| wrong())?),
@@ -112,7 +124,13 @@ impl RenderMethod {
             "auto" => Transmittance::Auto,
             name => Transmittance::By(Estimator::from_name(name).ok_or_else(wrong)?),
         };
-        Ok(RenderMethod { distance, transmittance, majorants, majorant_scale: scale })
+        Ok(RenderMethod {
+            distance,
+            transmittance,
+            majorants,
+            majorant_scale: scale,
+            light_sampling,
+        })
     }
 
     fn settings(&self, base: &RenderSettings, samples: std::ops::Range<u64>) -> RenderSettings {
@@ -122,6 +140,7 @@ impl RenderMethod {
             transmittance: self.transmittance,
             majorants: self.majorants,
             majorant_scale: self.majorant_scale,
+            light_sampling: self.light_sampling,
             ..base.clone()
         }
     }
