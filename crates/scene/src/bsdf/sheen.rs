@@ -26,7 +26,7 @@ pub(super) struct Sheen {
 
 /// Directional albedo of the raw lobe over the cosine and the roughness.
 static ALBEDO: LazyLock<CosineTable<1>> = LazyLock::new(|| {
-    CosineTable::build(|r| r.max(MIN_ROUGHNESS), |cos, r| [quadrature(cos, r, 48)])
+    CosineTable::build(|r| r.max(MIN_ROUGHNESS), |cos, r| [quadrature(cos, r, 32)])
 });
 
 /// Midpoint rule over directions, even in azimuth and in the root of the cosine.

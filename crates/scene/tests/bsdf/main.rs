@@ -1,4 +1,5 @@
 //! The surface scattering model against quadrature, statistics and closed forms.
+#![allow(clippy::print_stdout, reason = "figures are worth reading beside a verdict")]
 
 mod energy;
 mod limits;

@@ -4,6 +4,7 @@ use glam::DVec3;
 use pileus_media::random::uniform;
 use pileus_scene::SurfaceParameters;
 use rand_pcg::Pcg32;
+use rayon::prelude::*;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use crate::materials::{NORMAL, all, bsdf, direction};
@@ -13,29 +14,31 @@ const ROUGHNESS: [f32; 5] = [0.02, 0.04, 0.15, 0.45, 1.0];
 const COSINES: [f32; 3] = [0.1, 0.5, 0.97];
 
 /// Calls `f` for every kind of surface, roughness, angle and, for bodies, side: 195 cases.
-fn cases(f: impl Fn(&str, &SurfaceParameters, f32, bool, u64)) {
-    let mut number = 0;
+fn cases(f: impl Fn(&str, &SurfaceParameters, f32, bool, u64) + Sync) {
+    let mut list = Vec::new();
     for roughness in ROUGHNESS {
         for (name, p) in all(roughness) {
             for cos in COSINES {
                 for entering in [true, false] {
                     if entering || !p.thin_walled {
-                        number += 1;
                         let name = format!("{name}, roughness {roughness}, cos {cos}, {entering}");
-                        f(&name, &p, cos, entering, number);
+                        list.push((name, p, cos, entering));
                     }
                 }
             }
         }
     }
-    assert_eq!(number, 195);
+    assert_eq!(list.len(), 195);
+    list.par_iter().enumerate().for_each(|(seed, (name, p, cos, entering))| {
+        f(name, p, *cos, *entering, seed as u64);
+    });
 }
 
 /// Null hypothesis: samples fall into cells of solid angle as `pdf` says; what is left is delta lobes and ended paths, none of
 /// which has a density. Chi-square, false alarm 1e-10 per case, 2e-8 in all. Cells that expect fewer than 10 are joined.
 #[test]
 fn samples_follow_the_density() {
-    const N: u32 = 100_000;
+    const N: u32 = 60_000;
     const CELLS: [usize; 2] = [16, 12];
     cases(|name, p, cos, entering, seed| {
         let bsdf = bsdf(p, entering);
@@ -74,7 +77,7 @@ fn samples_follow_the_density() {
                     };
                     let corners = [above(0, 0), above(0, 1), above(1, 0), above(1, 1)];
                     let across = corners.iter().any(|&c| c != corners[0]);
-                    let points = if across { [64, 48] } else { [16, 12] };
+                    let points = if across { [48, 40] } else { [12, 10] };
                     let mass = polar.cell(x, turn, points, |w| {
                         if NORMAL.dot(w) * sign > 0.0 {
                             DVec3::splat(f64::from(bsdf.pdf(wo, w)))
@@ -116,7 +119,7 @@ fn samples_follow_the_density() {
 /// the quadrature's error (against half its resolution) added to the variance; |z| < 7, false alarm 3e-12 per channel.
 #[test]
 fn mean_weight_is_the_integral() {
-    const N: u32 = 60_000;
+    const N: u32 = 40_000;
     cases(|name, p, cos, entering, seed| {
         let bsdf = bsdf(p, entering);
         let wo = direction(cos, 0.85);
