@@ -25,7 +25,8 @@ pub use collisions::{Tentative, TentativeCollisions};
 pub use color::ColorGrid;
 pub use emission::{
     BlackbodyRadiance, COLDEST_KELVIN, ColorRamp, EmissionField, EmissionPoint, EmissionReport,
-    EmissionSample, EmissionSource, HOTTEST_KELVIN, POINTS_PER_LINE, blackbody,
+    EmissionSample, EmissionSource, HOTTEST_KELVIN, POINTS_PER_LINE, blackbody, rgb_of_xyz,
+    xyz_of_spectrum,
 };
 pub use error::Error;
 pub use field::{ExactField, MajorantSegment, RayField};

@@ -139,6 +139,39 @@ pub enum LightSpec {
         #[schemars(extend("default" = 0))]
         rotation_y: Option<f64>,
     },
+    /// Sun and sky of a clear day, in W/(m2 sr) weighted by the eye (times 683: cd/m2). The sun stands at `to_sun`, or at `elevation` and
+    /// `azimuth`, no lower than 6 degrees below the horizon. Excludes environments with an `image`.
+    Sky {
+        /// Direction from the scene to the sun, of any length.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        to_sun: Option<[f64; 3]>,
+        /// The sun's height above the horizon in degrees, -6 to 90.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        elevation: Option<f64>,
+        /// Where the sun stands, degrees clockwise seen from above: 0 is at -Z, 90 at +X. Goes with `elevation`, default 0.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        azimuth: Option<f64>,
+        /// Haze, 1 to 10: 2 is very clear, 3 clear, 6 hazy.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        #[schemars(extend("default" = 3.0))]
+        turbidity: Option<f64>,
+        /// Share of light that the ground reflects: what is below the horizon, and a glow in the sky.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        #[schemars(extend("default" = 0.2))]
+        ground_albedo: Option<Rgb>,
+        /// Factor on sun, sky and ground; 1 is physical.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        #[schemars(extend("default" = 1))]
+        intensity: Option<f64>,
+        /// Whether the sun's disc is there. The sky stays the same without it.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        #[schemars(extend("default" = true))]
+        sun: Option<bool>,
+        /// Full opening angle of the sun's disc in degrees; 0 is a single direction. Its irradiance stays the same.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        #[schemars(extend("default" = 0.53))]
+        sun_angular_diameter: Option<f64>,
+    },
     /// Light from a point, the same in all directions.
     Point {
         /// Where it is.

@@ -15,8 +15,8 @@ use pileus_scene::json::Document;
 use pileus_scene::volume::DefaultScale;
 use pileus_scene::volume_spec::{DensitySpec, Rgb, VolumeSpec};
 use pileus_scene::{
-    CameraRequest, Environment, EnvironmentImage, Error, GlassRule, Light, Loaded, Place, Point,
-    Scene, SceneRequest, Sun, VolumeSource,
+    CameraRequest, ClearSky, Environment, EnvironmentImage, Error, GlassRule, Light, Loaded, Place,
+    Point, Scene, SceneRequest, Sun, VolumeSource,
 };
 
 use crate::failure::Failure;
@@ -78,10 +78,17 @@ pub struct Settings {
     camera: CameraRequest,
     lights: Vec<Light>,
     constant: Option<Vec3>,
-    image: Option<EnvironmentFile>,
+    image: Option<EnvironmentSource>,
     resolution: Option<[u32; 2]>,
     default_scale: DefaultScale,
     places: Places,
+}
+
+/// Where the environment's image comes from.
+#[derive(Debug, Clone)]
+enum EnvironmentSource {
+    File(EnvironmentFile),
+    Sky { sky: ClearSky, pointer: String },
 }
 
 #[derive(Debug, Clone)]
@@ -174,10 +181,16 @@ impl Settings {
     pub fn load(&mut self) -> Result<Loaded, Failure> {
         let start = Instant::now();
         let image = match &self.image {
-            Some(file) => Some(Arc::new(
+            Some(EnvironmentSource::File(file)) => Some(Arc::new(
                 EnvironmentImage::open(&file.path, file.intensity, file.rotation_y)
                     .map_err(|error| name_place(error, &self.places.at(&file.pointer)))?,
             )),
+            Some(EnvironmentSource::Sky { sky, pointer }) => {
+                let image = sky.image().map_err(|error| {
+                    Error::invalid(self.places.at(pointer), error.to_string(), error.remedy())
+                })?;
+                Some(Arc::new(image))
+            }
             None => None,
         };
         let environment = (self.constant.is_some() || image.is_some())
@@ -248,7 +261,10 @@ impl Settings {
     pub fn files(&self) -> Vec<PathBuf> {
         let gltf = self.gltf.iter().map(|(path, _)| path.clone());
         let volumes = self.volumes.iter().filter_map(|spec| spec.vdb.as_ref().map(PathBuf::from));
-        let image = self.image.iter().map(|file| file.path.clone());
+        let image = self.image.iter().filter_map(|source| match source {
+            EnvironmentSource::File(file) => Some(file.path.clone()),
+            EnvironmentSource::Sky { .. } => None,
+        });
         gltf.chain(volumes).chain(image).collect()
     }
 }
@@ -491,10 +507,10 @@ fn camera(spec: Option<&CameraSpec>, places: &Places) -> Result<CameraRequest, F
     }
 }
 
-type Lights = (Vec<Light>, Option<Vec3>, Option<EnvironmentFile>);
+type Lights = (Vec<Light>, Option<Vec3>, Option<EnvironmentSource>);
 
 fn lights(job: &Job, base: &Path, places: &Places) -> Result<Lights, Failure> {
-    let (mut lights, mut constant, mut file) = (Vec::new(), None, None);
+    let (mut lights, mut constant, mut image) = (Vec::new(), None, None);
     for (i, light) in job.lights.iter().flatten().enumerate() {
         let pointer = |key: &str| format!("/lights/{i}{key}");
         let colour = |rgb: &Rgb, key: &str| {
@@ -549,13 +565,7 @@ fn lights(job: &Job, base: &Path, places: &Places) -> Result<Lights, Failure> {
                 *constant.get_or_insert(Vec3::ZERO) += colour(radiance, "/radiance")?;
             }
             LightSpec::Environment { radiance: None, image: Some(name), intensity, rotation_y } => {
-                if file.is_some() {
-                    return Err(places.unsupported(
-                        &pointer(""),
-                        "there are two environment images",
-                        "use one image; constant environments may be added to it",
-                    ));
-                }
+                one_image(image.as_ref(), &pointer(""), places)?;
                 let intensity = intensity.unwrap_or(1.0);
                 let rotation_y = rotation_y.unwrap_or(0.0);
                 if !(intensity >= 0.0 && (intensity as f32).is_finite() && rotation_y.is_finite()) {
@@ -565,12 +575,18 @@ fn lights(job: &Job, base: &Path, places: &Places) -> Result<Lights, Failure> {
                         "use a finite intensity of at least 0",
                     ));
                 }
-                file = Some(EnvironmentFile {
+                image = Some(EnvironmentSource::File(EnvironmentFile {
                     path: base.join(name),
                     intensity: intensity as f32,
                     rotation_y,
                     pointer: pointer("/image"),
-                });
+                }));
+            }
+            LightSpec::Sky { .. } => {
+                one_image(image.as_ref(), &pointer(""), places)?;
+                let sky = clear_sky(light, &pointer(""), places)?;
+                lights.extend(sky.sun()?);
+                image = Some(EnvironmentSource::Sky { sky, pointer: pointer("") });
             }
             LightSpec::Environment { .. } => {
                 return Err(places.invalid(
@@ -581,5 +597,73 @@ fn lights(job: &Job, base: &Path, places: &Places) -> Result<Lights, Failure> {
             }
         }
     }
-    Ok((lights, constant, file))
+    Ok((lights, constant, image))
+}
+
+/// Refuses a second image of the environment.
+fn one_image(
+    first: Option<&EnvironmentSource>,
+    pointer: &str,
+    places: &Places,
+) -> Result<(), Failure> {
+    match first {
+        None => Ok(()),
+        Some(_) => Err(places.unsupported(
+            pointer,
+            "there are two images of the environment (a sky is one)",
+            "use one `sky` or one `image`; constant environments may be added to it",
+        )),
+    }
+}
+
+/// The sky of a job's light, all its values in range.
+fn clear_sky(light: &LightSpec, pointer: &str, places: &Places) -> Result<ClearSky, Failure> {
+    let mut sky = ClearSky::default();
+    if let LightSpec::Sky {
+        to_sun,
+        elevation,
+        azimuth,
+        turbidity,
+        ground_albedo,
+        intensity,
+        sun,
+        sun_angular_diameter,
+    } = light
+    {
+        sky = ClearSky {
+            to_sun: match (to_sun, elevation, azimuth) {
+                (Some(to_sun), None, None) => DVec3::from_array(*to_sun),
+                (None, Some(degrees), azimuth) => {
+                    if !(-90.0..=90.0).contains(degrees) {
+                        return Err(places.invalid(
+                            &format!("{pointer}/elevation"),
+                            format!("the sun is {degrees} degrees above the horizon"),
+                            "use an angle from -6 to 90 degrees",
+                        ));
+                    }
+                    ClearSky::direction(*degrees, azimuth.unwrap_or(0.0))
+                }
+                _ => {
+                    return Err(places.invalid(
+                        pointer,
+                        "it is not clear where the sky's sun stands",
+                        "give either `to_sun`, or `elevation` and `azimuth`",
+                    ));
+                }
+            },
+            turbidity: turbidity.unwrap_or(sky.turbidity),
+            ground_albedo: ground_albedo.map_or(sky.ground_albedo, Rgb::channels),
+            intensity: intensity.unwrap_or(sky.intensity),
+            sun: sun.unwrap_or(sky.sun),
+            sun_angular_diameter: sun_angular_diameter.unwrap_or(sky.sun_angular_diameter),
+        };
+        if let Some(fault) = sky.fault() {
+            let key = match fault.field {
+                "to_sun" if elevation.is_some() => "elevation",
+                field => field,
+            };
+            return Err(places.invalid(&format!("{pointer}/{key}"), fault.what, fault.remedy));
+        }
+    }
+    Ok(sky)
 }

@@ -29,7 +29,7 @@ pub use camera::Camera;
 pub use environment::{EnvSample, Environment, EnvironmentImage};
 pub use error::{Error, Place};
 pub use light::{Light, Point, Spot, Sun};
-pub use sky::default_sky;
+pub use sky::{ClearSky, SkyFault, default_sky};
 pub use surface::{
     EmissiveTriangle, GlassRule, Hit, Interaction, Interior, SurfaceParameters, Surfaces,
 };

@@ -11,5 +11,6 @@ mod source;
 pub use blackbody::{BlackbodyRadiance, COLDEST_KELVIN, HOTTEST_KELVIN, blackbody};
 pub use cells::EmissionReport;
 pub use field::{EmissionField, EmissionPoint, EmissionSample, POINTS_PER_LINE};
+pub use observer::{rgb_of_xyz, xyz_of_spectrum};
 pub use ramp::ColorRamp;
 pub use source::EmissionSource;

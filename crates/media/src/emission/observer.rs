@@ -23,19 +23,27 @@ pub(crate) const LUMINANCE: [f32; 3] = [0.2126, 0.7152, 0.0722];
 /// CIE XYZ of a black body at `kelvin`, W/(m^2 sr): spectral radiance weighted by the observer, without the factor of 683 lm/W, so that Y times 683 lm/W is its luminance
 /// in cd/m^2. The sum over 5 nm steps from 360 to 830 nm, by which CIE 15 defines tristimulus values.
 pub(crate) fn xyz(kelvin: f64) -> [f64; 3] {
+    xyz_of_spectrum(|nm| {
+        let metres = nm * 1e-9;
+        C1L / metres.powi(5) / (exp(C2 / (metres * kelvin)) - 1.0) * 1e-9
+    })
+}
+
+/// CIE XYZ of a spectrum, a function of the wavelength in nanometres whose values are per nanometre: weighted by the CIE 1931 2 degree observer, without the factor of
+/// 683 lm/W. Of spectral radiance, Y times 683 lm/W is the luminance in cd/m^2; of spectral irradiance, the illuminance in lux. The sum over 5 nm steps from 360 to 830 nm.
+pub fn xyz_of_spectrum(spectrum: impl Fn(f64) -> f64) -> [f64; 3] {
     let mut sum = [0.0; 3];
     for (i, observer) in CIE_1931.iter().enumerate() {
-        let metres = (FIRST_NM + STEP_NM * i as f64) * 1e-9;
-        let radiance = C1L / metres.powi(5) / (exp(C2 / (metres * kelvin)) - 1.0);
+        let value = spectrum(FIRST_NM + STEP_NM * i as f64);
         for channel in 0..3 {
-            sum[channel] += radiance * observer[channel] * STEP_NM * 1e-9;
+            sum[channel] += value * observer[channel] * STEP_NM;
         }
     }
     sum
 }
 
 /// Linear Rec. 709 of CIE XYZ; negative where the colour lies outside the gamut.
-pub(crate) fn rgb_of_xyz(xyz: [f64; 3]) -> [f64; 3] {
+pub fn rgb_of_xyz(xyz: [f64; 3]) -> [f64; 3] {
     RGB_OF_XYZ.map(|row| row.iter().zip(xyz).map(|(a, b)| a * b).sum())
 }
 

@@ -103,6 +103,46 @@ fn values_out_of_range_are_placed() {
 }
 
 #[test]
+fn skies_out_of_range_are_placed() {
+    for (key, keys) in [
+        ("", serde_json::json!({})),
+        ("", serde_json::json!({"azimuth": 10})),
+        ("", serde_json::json!({"to_sun": [0, 1, 0], "elevation": 10})),
+        ("/to_sun", serde_json::json!({"to_sun": [0, 0, 0]})),
+        ("/to_sun", serde_json::json!({"to_sun": [1, -1, 0]})),
+        ("/elevation", serde_json::json!({"elevation": -7})),
+        ("/elevation", serde_json::json!({"elevation": 91})),
+        ("/turbidity", serde_json::json!({"elevation": 9, "turbidity": 0.9})),
+        ("/turbidity", serde_json::json!({"elevation": 9, "turbidity": 11})),
+        ("/ground_albedo", serde_json::json!({"elevation": 9, "ground_albedo": [0, 1.1, 0]})),
+        ("/intensity", serde_json::json!({"elevation": 9, "intensity": -1})),
+        ("/sun_angular_diameter", serde_json::json!({"elevation": 9, "sun_angular_diameter": 180})),
+    ] {
+        let mut sky = keys.clone();
+        sky["type"] = "sky".into();
+        let (code, said) = check(&changed("/lights/1", sky));
+        assert_eq!(code, 3, "{keys}: {said}");
+        let place = format!("(/lights/1{key})");
+        assert!(said.contains("job.json:") && said.contains(&place), "{keys}: {said}");
+        assert!(said.contains("help: ") || said.contains("; "), "{keys}: {said}");
+    }
+}
+
+#[test]
+fn there_is_one_image_of_the_environment() {
+    let sky = serde_json::json!({"type": "sky", "elevation": 30});
+    let image = serde_json::json!({"type": "environment", "image": "sky.exr"});
+    for (first, second) in [(&sky, &sky), (&sky, &image), (&image, &sky)] {
+        let (code, said) = check(&changed("/lights", serde_json::json!([first, second])));
+        assert_eq!(code, 5, "{said}");
+        assert!(said.contains("(/lights/1)") && said.contains("help: "), "{said}");
+    }
+    let constant = serde_json::json!({"type": "environment", "radiance": 0.1});
+    let (code, said) = check(&changed("/lights", serde_json::json!([sky, constant])));
+    assert_eq!(code, 0, "{said}");
+}
+
+#[test]
 fn what_later_versions_may_render_is_told_apart() {
     for (pointer, value) in [
         ("/volumes/0/interpolation", "tricubic".into()),

@@ -1,4 +1,9 @@
-//! The sky of scenes that bring no light.
+//! Skies: that of scenes that bring no light, and that of a clear day.
+
+mod clear;
+mod sunlight;
+
+pub use clear::{ClearSky, SkyFault};
 
 use std::sync::Arc;
 
