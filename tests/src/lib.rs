@@ -13,8 +13,8 @@ use pileus_scene::{
     Camera, CameraRequest, Environment, GlassRule, Light, Place, Scene, SceneRequest, Sun, Volume,
     VolumeSource,
 };
-use serde_json::{Value, json};
 use pileus_vdb::{Tree, VdbFile};
+use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -267,7 +267,8 @@ pub fn lamp(albedo: [f32; 3], radiance: [f32; 3]) -> Value {
     let strength = radiance.iter().fold(0.0f32, |a, b| a.max(*b)).max(1.0);
     let mut material = lambert(albedo);
     material["emissiveFactor"] = json!(radiance.map(|c| c / strength));
-    material["extensions"]["KHR_materials_emissive_strength"] = json!({"emissiveStrength": strength});
+    material["extensions"]["KHR_materials_emissive_strength"] =
+        json!({"emissiveStrength": strength});
     material
 }
 

@@ -1,6 +1,7 @@
 //! Bodies of glass and what is in them.
 
 use glam::{DVec3, Vec3};
+use pileus_integrator::{LightSampling, RenderSettings};
 use pileus_media::Phase;
 use pileus_scene::{EnvironmentImage, Interior, Surfaces};
 use pileus_tests::*;
@@ -16,10 +17,10 @@ fn straight(color: [f32; 3]) -> Value {
     material
 }
 
-/// Absorption inside is Beer-Lambert, in every sample; of two bodies inside each other the inner one counts.
+/// Absorption inside is Beer-Lambert, in every sample (one channel is clear: no path is played roulette); of two bodies inside each other the inner one counts.
 #[test]
 fn absorption_inside_is_beer_lambert() {
-    let (color, core) = ([0.2f32, 0.5, 1.0], [0.9f32, 0.3, 0.05]);
+    let (color, core) = ([0.2f32, 0.5, 1.0], [0.9f32, 0.3, 1.0]);
     let mut scene = scene(vec![], DVec3::new(3.0, 2.0, 4.0), DVec3::ZERO, 34.0);
     scene.environment.constant = Vec3::new(1.0, 2.0, 0.5);
     for nested in [false, true] {
@@ -35,11 +36,17 @@ fn absorption_inside_is_beer_lambert() {
                 let span = |half| cube_span(o, d, half).map_or(0.0, |(a, b)| b - a);
                 let inner = if nested { span(0.5) } else { 0.0 };
                 let outer = span(1.0) - inner;
-                for (c, (name, light)) in ["R", "G", "B"].into_iter().zip([1.0, 2.0, 0.5]).enumerate() {
-                    let passed = f64::from(color[c]).powf(outer / 0.7) * f64::from(core[c]).powf(inner / 0.7);
+                for (c, (name, light)) in
+                    ["R", "G", "B"].into_iter().zip([1.0, 2.0, 0.5]).enumerate()
+                {
+                    let passed = f64::from(color[c]).powf(outer / 0.7)
+                        * f64::from(core[c]).powf(inner / 0.7);
                     let found = f64::from(image.image.get(name, x, y).unwrap());
                     let expected = light * passed;
-                    assert!((found - expected).abs() < 1e-4 * light, "{nested} {x} {y}: {found} {expected}");
+                    assert!(
+                        (found - expected).abs() < 1e-4 * light,
+                        "{nested} {x} {y}: {found} {expected}"
+                    );
                 }
             }
         }
@@ -91,5 +98,53 @@ fn scattering_inside_is_a_homogeneous_medium() {
         let inside = rendered(&body, &settings(512, 10 + k as u64));
         let around = rendered(&volume, &settings(256, 20 + k as u64));
         assert_same(&format!("scattering {color:?}"), &inside, &around);
+    }
+}
+
+/// Bodies that shadow rays can cross, rough glass and wax (diffuse transmission), absorb and scatter inside: shadow rays through their skin towards lamps, a sun and a
+/// sky outside, and from outside to a lamp inside, find what paths alone find.
+#[test]
+fn shadow_rays_through_the_skin_of_bodies() {
+    let volume = |color: [f32; 3]| json!({"thicknessFactor": 1.0, "attenuationDistance": 0.3, "attenuationColor": color});
+    let scatter = json!({"multiscatterColor": [0.7, 0.5, 0.3], "scatterAnisotropy": 0.2});
+    let rough = |color| {
+        let mut material = glass(1.4);
+        material["pbrMetallicRoughness"]["roughnessFactor"] = json!(0.6);
+        material["extensions"]["KHR_materials_volume"] = volume(color);
+        material
+    };
+    let mut milky = rough([0.5, 0.4, 0.3]);
+    milky["extensions"]["KHR_materials_volume_scatter"] = scatter.clone();
+    let mut wax = lambert([0.8; 3]);
+    wax["extensions"]["KHR_materials_diffuse_transmission"] = json!({"diffuseTransmissionFactor": 0.7,
+        "diffuseTransmissionColorFactor": [0.9, 0.8, 0.7]});
+    wax["extensions"]["KHR_materials_volume"] = volume([0.6, 0.5, 0.2]);
+    for (k, (name, material)) in
+        [("rough", rough([0.6, 0.3, 0.1])), ("milky", milky), ("wax", wax)].into_iter().enumerate()
+    {
+        for lamp_inside in [false, true] {
+            let mut scene = scene(vec![], DVec3::new(1.5, 1.2, 3.0), DVec3::ZERO, 26.0);
+            let mut meshes = vec![
+                (sphere(DVec3::ZERO, 0.7, 8), material.clone()),
+                (quad([-2.0, -0.75, -2.0], [0.0, 0.0, 4.0], [4.0, 0.0, 0.0]), lambert([0.5; 3])),
+            ];
+            if lamp_inside {
+                meshes.push((
+                    sphere(DVec3::new(0.1, 0.1, 0.0), 0.25, 3),
+                    lamp([0.3; 3], [3.0, 2.0, 4.0]),
+                ));
+            } else {
+                let a_lamp = quad([-0.8, 1.2, -0.8], [0.8, 0.0, 0.0], [0.0, 0.0, 1.6]);
+                meshes.push((a_lamp, lamp([0.0; 3], [3.0, 2.0, 1.0])));
+                scene.lights.push(sun(Vec3::new(0.8, 0.5, -0.3), Vec3::splat(1.0), 0.4));
+            }
+            scene.surfaces = Some(surfaces(&meshes));
+            let by = |light_sampling, spp, seed| {
+                rendered(&scene, &RenderSettings { light_sampling, ..settings(spp, seed) })
+            };
+            let both = by(LightSampling::Both, 128, 30 + k as u64);
+            let paths = by(LightSampling::Paths, 512, 40 + k as u64);
+            assert_same(&format!("{name}, lamp inside {lamp_inside}"), &both, &paths);
+        }
     }
 }

@@ -18,7 +18,13 @@ fn punctual_lights_are_the_closed_forms() {
         sun(to_sun, intensity, 0.0),
         sun(to_sun, intensity, 0.3),
         Light::Point(Point { position: at, intensity }),
-        Light::Spot(Spot { position: at, direction: axis.as_vec3(), intensity, cos_inner, cos_outer }),
+        Light::Spot(Spot {
+            position: at,
+            direction: axis.as_vec3(),
+            intensity,
+            cos_inner,
+            cos_outer,
+        }),
     ];
     let irradiance = |kind: usize, p: DVec3| {
         let to = at - p;
@@ -49,7 +55,10 @@ fn punctual_lights_are_the_closed_forms() {
                     for (c, e) in ["R", "G", "B"].into_iter().zip(expected(x, y)) {
                         let found = f64::from(image.image.get(c, x, y).unwrap());
                         // The filter is 1e-4 of a pixel wide: steps of a spot's falloff, and single precision.
-                        assert!((found - e).abs() < 1e-4 * e + 1e-6, "{kinds:?} {x} {y}: {found} {e}");
+                        assert!(
+                            (found - e).abs() < 1e-4 * e + 1e-6,
+                            "{kinds:?} {x} {y}: {found} {e}"
+                        );
                     }
                 }
             }
