@@ -10,7 +10,7 @@ use pileus_media::distance::DistanceSampler;
 use pileus_media::phase::ISOTROPIC;
 use pileus_media::transmittance::Estimator;
 use pileus_media::{HomogeneousMedium, Medium, Phase, random::uniform};
-use pileus_scene::{Environment, EnvironmentImage, Light, Point, Scene, Spot};
+use pileus_scene::{Environment, EnvironmentImage, Light, Point, Spot};
 use pileus_tests::*;
 use rand_pcg::Pcg32;
 use std::sync::Arc;

@@ -20,7 +20,7 @@ fn fire_by_both_techniques_is_fire_by_paths() {
         rendered(&scene, &RenderSettings { light_sampling, ..settings(spp, seed) })
     };
     let both = by(LightSampling::Both, 64, 1);
-    let paths = by(LightSampling::Paths, 1024, 2);
+    let paths = by(LightSampling::Paths, 512, 2);
     assert_same("fire", &both, &paths);
 }
 
@@ -70,7 +70,7 @@ fn a_glowing_ball_lights_a_floor_by_newtons_law() {
     // All rays descend from below the ball: they see the floor alone.
     let mut scene = floor_scene(&[floor(1.0, 0.6)]);
     scene.volumes.push(volume);
-    for (light_sampling, spp) in [(LightSampling::Both, 64), (LightSampling::Paths, 512)] {
+    for (light_sampling, spp) in [(LightSampling::Both, 64), (LightSampling::Paths, 256)] {
         let image = rendered(&scene, &RenderSettings { light_sampling, ..settings(spp, 4) });
         check_floor(&scene, &image, centre, v);
     }
@@ -105,7 +105,7 @@ fn a_glowing_cube_is_the_closed_form() {
                 let plane = quad([-4.0, -4.0, 0.1], [8.0, 0.0, 0.0], [0.0, 8.0, 0.0]);
                 scene.surfaces = Some(surfaces(&[(plane, lambert([0.0; 3]))]));
             }
-            let image = rendered(&scene, &point_filter(128, 20 + k as u64));
+            let image = rendered(&scene, &point_filter(64, 20 + k as u64));
             assert_expected(&format!("sigma_t {sigma_t:?}, wall {wall}"), &image, |x, y| {
                 let (o, d) = pixel_ray(&scene, x, y);
                 let (t0, t1) = cube_span(o, d, 1.0).unwrap_or((0.0, 0.0));

@@ -12,7 +12,7 @@ use std::sync::Arc;
 
 const COLOR: [f32; 3] = [2.0, 1.0, 0.5];
 const TECHNIQUES: [(LightSampling, u64); 2] =
-    [(LightSampling::Both, 64), (LightSampling::Paths, 256)];
+    [(LightSampling::Both, 64), (LightSampling::Paths, 128)];
 
 /// A square of edge one at height one; its front is below unless `up`.
 fn square(up: bool) -> Triangles {
@@ -90,8 +90,8 @@ fn lamps_in_fog() {
         let by = |light_sampling, spp, seed| {
             rendered(&scene, &RenderSettings { light_sampling, ..settings(spp, seed) })
         };
-        let both = by(LightSampling::Both, 128, 10 + k as u64);
-        let paths = by(LightSampling::Paths, 512, 20 + k as u64);
+        let both = by(LightSampling::Both, 64, 10 + k as u64);
+        let paths = by(LightSampling::Paths, 256, 20 + k as u64);
         assert_same(&format!("fog {sigma_t:?}"), &both, &paths);
         let mut seen = scene.clone();
         seen.volumes = pileus_tests::scene(
@@ -110,7 +110,7 @@ fn lamps_in_fog() {
         )
         .unwrap();
         // No light that the floor sends back.
-        let settings = RenderSettings { max_bounces: Some(0), ..point_filter(256, 12) };
+        let settings = RenderSettings { max_bounces: Some(0), ..point_filter(64, 12) };
         let image = rendered(&seen, &settings);
         assert_expected("lamp through fog", &image, |x, y| {
             let (o, d) = pixel_ray(&seen, x, y);
@@ -149,7 +149,7 @@ fn all_lights_by_both_techniques_are_all_lights_by_paths() {
     let by = |light_sampling, spp, seed| {
         rendered(&scene, &RenderSettings { light_sampling, ..settings(spp, seed) })
     };
-    let both = by(LightSampling::Both, 128, 1);
-    let paths = by(LightSampling::Paths, 1024, 2);
+    let both = by(LightSampling::Both, 64, 1);
+    let paths = by(LightSampling::Paths, 512, 2);
     assert_same("all lights", &both, &paths);
 }

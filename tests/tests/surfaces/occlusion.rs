@@ -33,7 +33,7 @@ fn black(alpha: f32, mode: &str) -> Value {
 /// Opaque sheets and masks above the cutoff shade fully, masks below it not at all, and blends let one minus alpha through.
 #[test]
 fn sheets_shade_smoke_by_their_alpha() {
-    let by = |scene: &Scene, seed| rendered(scene, &settings(128, seed));
+    let by = |scene: &Scene, seed| rendered(scene, &settings(64, seed));
     let open = by(&smoke(1.0, None), 1);
     let lit = open.image.channel("G").unwrap().iter().sum::<f32>() / 4096.0;
     assert!(lit > 0.01, "{lit}");
@@ -74,7 +74,7 @@ fn no_bounces_show_what_shines() {
     scene.lights.push(sun(Vec3::Y, Vec3::ONE, 0.0));
     for light_sampling in [LightSampling::Both, LightSampling::Paths] {
         let settings =
-            RenderSettings { max_bounces: Some(0), light_sampling, ..point_filter(256, 5) };
+            RenderSettings { max_bounces: Some(0), light_sampling, ..point_filter(64, 5) };
         let image = rendered(&scene, &settings);
         assert_eq!(image.counters.shadow_rays, 0);
         assert_expected("no bounces", &image, |x, y| {
@@ -105,7 +105,7 @@ fn one_bounce_is_single_scattering_off_surfaces() {
     let mut scene = floor_scene(&[floor(3.0, 0.6), wall]);
     scene.environment.constant = Vec3::ONE;
     let by = |bounces, seed| {
-        rendered(&scene, &RenderSettings { max_bounces: Some(bounces), ..point_filter(256, seed) })
+        rendered(&scene, &RenderSettings { max_bounces: Some(bounces), ..point_filter(128, seed) })
     };
     let polygon = corners.map(|p| Vec3::from_array(p).as_dvec3());
     let single = by(1, 6);

@@ -2,7 +2,10 @@
 
 use crate::{floor, floor_scene, on_floor};
 use glam::{DVec3, Vec3};
-use pileus_scene::{Light, Point, Spot};
+use pileus_integrator::{Distance, RenderSettings};
+use pileus_media::Phase;
+use pileus_media::distance::DistanceSampler;
+use pileus_scene::{Light, Point, Scene, Spot};
 use pileus_tests::*;
 use std::f64::consts::PI;
 
@@ -67,4 +70,27 @@ fn punctual_lights_are_the_closed_forms() {
             assert_expected(&format!("lights {kinds:?}"), &image, expected);
         }
     }
+}
+
+/// Points at equal angles beside flights, where surfaces end rays, cast shadows and light the smoke, and where a lamp has to be weighted, too: the picture of flights alone.
+#[test]
+fn equal_angles_among_surfaces() {
+    let smoke = lumpy_grid(1.2, [0.4; 3], [0.9, 0.8, 0.7], Phase::henyey_greenstein(0.4));
+    let lamp_up = quad([-1.0, 1.0, -0.5], [0.5, 0.0, 0.0], [0.0, 0.0, 0.5]);
+    let meshes = [
+        floor(1.2, 0.6),
+        (sphere(DVec3::new(0.4, 0.3, 0.3), 0.25, 6), lambert([0.7; 3])),
+        (sphere(DVec3::new(-0.5, 0.3, 0.5), 0.25, 6), glass(1.3)),
+        (lamp_up, lamp([0.0; 3], [1.0, 2.0, 3.0])),
+    ];
+    let mut scene: Scene =
+        scene(vec![smoke], DVec3::new(1.0, 1.2, 3.0), DVec3::new(0.0, 0.3, 0.0), 34.0);
+    scene.surfaces = Some(surfaces(&meshes));
+    let intensity = Vec3::splat(0.3);
+    for position in [DVec3::new(0.1, 0.6, 0.1), DVec3::new(-0.4, 0.2, -0.5)] {
+        scene.lights.push(Light::Point(Point { position, intensity }));
+    }
+    let by = |distance, seed| rendered(&scene, &RenderSettings { distance, ..settings(96, seed) });
+    let flights = by(Distance::By(DistanceSampler::Delta), 1);
+    assert_same("equal angles", &flights, &by(Distance::Equiangular, 2));
 }
