@@ -495,6 +495,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
 }
 
 /// What a path goes on from.
+#[expect(clippy::large_enum_variant, reason = "one on the stack of a path")]
 enum Turn {
     Medium(Phase),
     Surface(Bsdf, pileus_scene::Interaction),

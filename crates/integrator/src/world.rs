@@ -49,6 +49,7 @@ impl Vertex for InMedium {
 
 /// A scattering in a medium or at a surface.
 #[derive(Debug, Clone, Copy)]
+#[expect(clippy::large_enum_variant, reason = "two on the stack of a path")]
 pub(crate) enum Anywhere {
     Medium(InMedium),
     Surface { bsdf: Bsdf, wo: Vec3, interaction: Interaction },
