@@ -2,14 +2,19 @@
 #![allow(clippy::print_stdout, reason = "figures are worth reading beside a verdict")]
 
 use glam::{DAffine3, DVec3, Vec3};
-use pileus_film::{Film, Image};
+use pileus_film::{Film, Filter, Image};
 use pileus_integrator::{Counters, Plan, RenderSettings, Unmonitored, render};
 use pileus_media::{
-    Albedo, GridMedium, HomogeneousMedium, Interpolation, Medium, Phase, VoxelGrid,
-    VoxelGridOptions,
+    Albedo, EmissionField, EmissionSource, GridMedium, HomogeneousMedium, Interpolation, Medium,
+    Phase, VoxelGrid, VoxelGridOptions,
 };
-use pileus_scene::{Camera, Environment, Light, Scene, Sun, Volume, VolumeSource};
+use pileus_scene::volume::DefaultScale;
+use pileus_scene::{
+    Camera, CameraRequest, Environment, GlassRule, Light, Place, Scene, SceneRequest, Sun, Volume,
+    VolumeSource,
+};
 use pileus_vdb::{Tree, VdbFile};
+use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -66,6 +71,23 @@ pub fn lumpy_grid(half: f64, sigma_t: [f32; 3], albedo: [f32; 3], phase: Phase) 
     let scale = DAffine3::from_scale(DVec3::splat(half / 8.0));
     let index_to_world = scale * DAffine3::from_translation(DVec3::splat(-7.5));
     grid_medium(&tree, Interpolation::Trilinear, index_to_world, sigma_t, albedo, phase)
+}
+
+/// The cube of [`cube_grid`] that gives off `color` per length.
+pub fn glowing_cube(half: f64, sigma_t: [f32; 3], albedo: [f32; 3], color: [f32; 3]) -> Volume {
+    let tree = Tree::from_dense(0.0f32, [0; 3], [16; 3], &[1.0; 16 * 16 * 16]);
+    let scale = DAffine3::from_scale(DVec3::splat(half / 8.0));
+    let index_to_world = scale * DAffine3::from_translation(DVec3::splat(-7.5));
+    let options = VoxelGridOptions { interpolation: Interpolation::Nearest };
+    let grid = Arc::new(VoxelGrid::from_tree(&tree, &options).expect("a grid"));
+    let source = EmissionSource::Grid { grid, color };
+    let emission = EmissionField::new(source, index_to_world).expect("an emission");
+    Volume {
+        name: "glowing cube".into(),
+        medium: Arc::new(cube_grid(half, sigma_t, albedo, Phase::Isotropic)),
+        emission: Some(Arc::new(emission)),
+        source: VolumeSource::Homogeneous,
+    }
 }
 
 /// The same cube as a homogeneous medium.
@@ -129,6 +151,28 @@ pub fn settings(spp: u64, seed: u64) -> RenderSettings {
     RenderSettings { samples: 0..spp, seed, ..RenderSettings::default() }
 }
 
+/// Settings with a filter that is as good as a point: pixels show what [`pixel_ray`] meets.
+pub fn point_filter(spp: u64, seed: u64) -> RenderSettings {
+    RenderSettings { filter: Filter::Box { radius: 1e-4 }, ..settings(spp, seed) }
+}
+
+/// The camera's ray through the middle of a pixel; tests that use it shrink the filter to a point.
+pub fn pixel_ray(scene: &Scene, x: u32, y: u32) -> (DVec3, DVec3) {
+    let (o, d) = scene.camera.ray([f64::from(x) + 0.5, f64::from(y) + 0.5]);
+    (o, d.as_dvec3())
+}
+
+/// Where a ray enters and leaves the cube of half edge `half`.
+pub fn cube_span(o: DVec3, d: DVec3, half: f64) -> Option<(f64, f64)> {
+    let (mut t0, mut t1) = (0.0f64, f64::INFINITY);
+    for k in 0..3 {
+        let (a, b) = ((-half - o[k]) / d[k], (half - o[k]) / d[k]);
+        t0 = t0.max(a.min(b));
+        t1 = t1.min(a.max(b));
+    }
+    (t0 < t1).then_some((t0, t1))
+}
+
 /// Tests that two renders have the same expectation.
 ///
 /// Null hypothesis: they do. Blocks of 16 x 16 pixels make a normal mean; Bonferroni over blocks, channels and statistics. Fails by
@@ -177,9 +221,109 @@ pub fn assert_expected(what: &str, a: &Rendered, expected: impl Fn(u32, u32) -> 
     );
 }
 
+/// Tests that a render is one everywhere but for a systematic error of at most `tolerance`.
+///
+/// Null hypothesis: the mean of each block of 16 x 16 pixels is within `tolerance` of one. |z| < 6.5 on 48 blocks: false alarm 4e-9. The standard error of the
+/// whole must be below `power`, else the test says too little.
+pub fn assert_one(what: &str, a: &Rendered, tolerance: f64, power: f64) {
+    let (width, height) = (a.image.width() as usize, a.image.height() as usize);
+    let (mut worst, mut furthest, mut whole) = (0.0f64, 0.0f64, 0.0f64);
+    for name in ["R", "G", "B"] {
+        let mean = a.image.channel(name).expect("a channel");
+        let variance = a.variance.channel(name).expect("a channel");
+        let all = variance.iter().map(|v| f64::from(*v)).sum::<f64>().sqrt() / mean.len() as f64;
+        whole = whole.max(all);
+        assert!(all < power, "{what}: standard error {all:e}, the test is too weak");
+        for block in 0..width.div_ceil(16) * height.div_ceil(16) {
+            let (left, top) = (block % width.div_ceil(16) * 16, block / width.div_ceil(16) * 16);
+            let (mut sum, mut squares, mut n) = (0.0, 0.0, 0.0);
+            for y in top..(top + 16).min(height) {
+                for x in left..(left + 16).min(width) {
+                    sum += f64::from(mean[y * width + x]);
+                    squares += f64::from(variance[y * width + x]);
+                    n += 1.0;
+                }
+            }
+            let off = sum / n - 1.0;
+            let error = f64::sqrt(squares) / n;
+            let z = (off.abs() - tolerance).max(0.0) / error.max(1e-12);
+            if off.abs() > furthest.abs() {
+                furthest = off;
+            }
+            worst = worst.max(z);
+            assert!(z < 6.5, "{what}: {name} of block {block} is 1 {off:+e}, error {error:e}");
+        }
+    }
+    println!(
+        "{what}: block furthest from one {furthest:+.2e}, max |z| beyond tolerance {worst:.2}, standard error of all {whole:.1e}"
+    );
+}
+
+/// A surface that reflects `albedo` diffusely and nothing else.
+pub fn lambert(albedo: [f32; 3]) -> Value {
+    json!({"pbrMetallicRoughness": {"baseColorFactor": [albedo[0], albedo[1], albedo[2], 1.0], "metallicFactor": 0.0},
+        "extensions": {"KHR_materials_specular": {"specularFactor": 0.0}}})
+}
+
+/// The same, giving off `radiance` on its front.
+pub fn lamp(albedo: [f32; 3], radiance: [f32; 3]) -> Value {
+    let strength = radiance.iter().fold(0.0f32, |a, b| a.max(*b)).max(1.0);
+    let mut material = lambert(albedo);
+    material["emissiveFactor"] = json!(radiance.map(|c| c / strength));
+    material["extensions"]["KHR_materials_emissive_strength"] =
+        json!({"emissiveStrength": strength});
+    material
+}
+
+/// Smooth clear glass of an index.
+pub fn glass(ior: f32) -> Value {
+    json!({"pbrMetallicRoughness": {"roughnessFactor": 0.0, "metallicFactor": 0.0},
+        "extensions": {"KHR_materials_ior": {"ior": ior}, "KHR_materials_transmission": {"transmissionFactor": 1.0},
+            "KHR_materials_volume": {"thicknessFactor": 1.0}}})
+}
+
+/// The closed surface of the cube of half edge `half`, front outwards.
+pub fn cube(half: f32) -> Triangles {
+    (0..3)
+        .flat_map(|axis| {
+            let turn = |v: [f32; 3]| [0, 1, 2].map(|k| half * v[(k + 3 - axis) % 3]);
+            let side = |s: f32| {
+                let (a, b) = ([0.0, 2.0, 0.0], [0.0, 0.0, 2.0]);
+                let (a, b) = if s > 0.0 { (a, b) } else { (b, a) };
+                quad(turn([s, -1.0, -1.0]), turn(a), turn(b))
+            };
+            [side(1.0), side(-1.0)].concat()
+        })
+        .collect()
+}
+
+/// A glTF scene of `tests/data/gltf` that wants a volume of `scenes/assets` in the folder above its own.
+pub fn blender(name: &str, volume: &str, resolution: [u32; 2]) -> Scene {
+    let folder = tempfile::tempdir().expect("a folder");
+    let gltf = folder.path().join("gltf");
+    std::fs::create_dir(&gltf).expect("a folder");
+    std::fs::copy(root().join("tests/data/gltf").join(name), gltf.join(name)).expect("a scene");
+    let asset = root().join("scenes/assets").join(volume);
+    std::fs::copy(asset, folder.path().join(volume)).expect("an asset");
+    let request = SceneRequest {
+        gltf: Some((gltf.join(name), 683.0)),
+        volumes: Vec::new(),
+        volume_place: &|_, _| Place::default(),
+        camera: CameraRequest::Auto { fov_y_degrees: 35.0 },
+        lights: Vec::new(),
+        environment: None,
+        resolution: Some(resolution),
+        default_scale: DefaultScale::One,
+        glass_rule: GlassRule::default(),
+    };
+    Scene::load(request).expect("a sound scene").scene
+}
+
+/// Corners of triangles, counter-clockwise seen from the front.
+pub type Triangles = Vec<[[f32; 3]; 3]>;
+
 /// A glTF scene of triangles in memory: each mesh is a list of triangles and its material, as glTF writes it.
-pub fn surfaces(meshes: &[(Vec<[[f32; 3]; 3]>, serde_json::Value)]) -> Arc<pileus_scene::Surfaces> {
-    use serde_json::{Value, json};
+pub fn surfaces(meshes: &[(Triangles, Value)]) -> Arc<pileus_scene::Surfaces> {
     let (mut bytes, mut views, mut accessors, mut parts) = (Vec::new(), vec![], vec![], vec![]);
     for (i, (triangles, _)) in meshes.iter().enumerate() {
         let corners: Vec<[f32; 3]> = triangles.iter().flatten().copied().collect();
@@ -216,13 +360,13 @@ pub fn surfaces(meshes: &[(Vec<[[f32; 3]; 3]>, serde_json::Value)]) -> Arc<pileu
 }
 
 /// Two triangles: the parallelogram at `corner` with edges `a` and `b`, its front towards `a x b`.
-pub fn quad(corner: [f32; 3], a: [f32; 3], b: [f32; 3]) -> Vec<[[f32; 3]; 3]> {
+pub fn quad(corner: [f32; 3], a: [f32; 3], b: [f32; 3]) -> Triangles {
     let [p, a, b] = [corner, a, b].map(Vec3::from_array);
     [[p, p + a, p + a + b], [p, p + a + b, p + b]].map(|t| t.map(|v| v.to_array())).to_vec()
 }
 
 /// A sphere of `16 n^2` triangles, front outwards.
-pub fn sphere(centre: DVec3, radius: f64, n: u32) -> Vec<[[f32; 3]; 3]> {
+pub fn sphere(centre: DVec3, radius: f64, n: u32) -> Triangles {
     let point = |i: u32, j: u32| {
         let theta = std::f64::consts::PI * f64::from(i) / f64::from(2 * n);
         let phi = std::f64::consts::TAU * f64::from(j % (4 * n)) / f64::from(4 * n);

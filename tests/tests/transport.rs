@@ -2,7 +2,7 @@
 #![allow(clippy::print_stdout, reason = "figures are worth reading beside a verdict")]
 
 use glam::{DVec3, Vec3};
-use pileus_film::{Film, Filter};
+use pileus_film::Film;
 use pileus_integrator::{
     Distance, LightSampling, Plan, RenderSettings, Transmittance, Unmonitored, render,
 };
@@ -10,7 +10,7 @@ use pileus_media::distance::DistanceSampler;
 use pileus_media::phase::ISOTROPIC;
 use pileus_media::transmittance::Estimator;
 use pileus_media::{HomogeneousMedium, Medium, Phase, random::uniform};
-use pileus_scene::{Environment, EnvironmentImage, Light, Point, Scene, Spot};
+use pileus_scene::{Environment, EnvironmentImage, Light, Point, Spot};
 use pileus_tests::*;
 use rand_pcg::Pcg32;
 use std::sync::Arc;
@@ -19,27 +19,6 @@ const EYE: DVec3 = DVec3::new(3.0, 2.0, 4.0);
 
 fn hg(g: f32) -> Phase {
     Phase::henyey_greenstein(g)
-}
-
-/// The camera's ray through the middle of a pixel; tests that use it shrink the filter to a point.
-fn pixel_ray(scene: &Scene, x: u32, y: u32) -> (DVec3, DVec3) {
-    let (o, d) = scene.camera.ray([f64::from(x) + 0.5, f64::from(y) + 0.5]);
-    (o, d.as_dvec3())
-}
-
-fn point_filter(spp: u64, seed: u64) -> RenderSettings {
-    RenderSettings { filter: Filter::Box { radius: 1e-4 }, ..settings(spp, seed) }
-}
-
-/// Where a ray enters and leaves the cube of half edge `half`.
-fn cube_span(o: DVec3, d: DVec3, half: f64) -> Option<(f64, f64)> {
-    let (mut t0, mut t1) = (0.0f64, f64::INFINITY);
-    for k in 0..3 {
-        let (a, b) = ((-half - o[k]) / d[k], (half - o[k]) / d[k]);
-        t0 = t0.max(a.min(b));
-        t1 = t1.min(a.max(b));
-    }
-    (t0 < t1).then_some((t0, t1))
 }
 
 /// Albedo one inside uniform light: radiance one everywhere, whatever the density and g. Constant light is met by escaping paths

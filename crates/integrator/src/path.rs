@@ -411,7 +411,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         }
         let mut arrives = shadow.transmittance * light.weight;
         if W::WHOLE
-            && let Some(body) = at.inside.last()
+            && let Some(body) = at.vertex.body(at.inside, light.wi)
         {
             arrives *= interior::transmittance(body, light.distance);
         }
@@ -498,6 +498,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
 }
 
 /// What a path goes on from.
+#[expect(clippy::large_enum_variant, reason = "one on the stack of a path")]
 enum Turn {
     Medium(Phase),
     Surface(Bsdf, pileus_scene::Interaction),
@@ -526,7 +527,7 @@ struct Shading<'a, V> {
     /// Throughput, with the albedo of this vertex.
     beta: Vec3,
     strongest: f32,
-    /// The bodies that the vertex is in.
+    /// The bodies that the path came in.
     inside: &'a Inside,
     flight: Flight<'a>,
 }

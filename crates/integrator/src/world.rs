@@ -1,9 +1,10 @@
 //! What a path can meet besides media: surfaces and light from volumes. Scenes without either run kernels in which none of this is compiled.
 
+use crate::interior::Inside;
 use crate::media::Ray;
 use glam::{DVec3, Vec3};
 use pileus_media::{EmissionField, Phase};
-use pileus_scene::{Bsdf, Hit, Interaction, Surfaces};
+use pileus_scene::{Bsdf, Hit, Interaction, Interior, Surfaces};
 use rand_core::Rng;
 use std::sync::Arc;
 
@@ -15,6 +16,9 @@ pub(crate) trait Vertex {
 
     /// Where a ray towards `wi` starts from a vertex at `p`.
     fn origin(&self, p: DVec3, wi: Vec3) -> DVec3;
+
+    /// The body that a ray towards `wi` starts in, of a path that came in `inside`: across a surface it is another.
+    fn body<'a>(&'a self, inside: &'a Inside, wi: Vec3) -> Option<&'a Interior>;
 }
 
 /// A scattering in a medium.
@@ -36,10 +40,16 @@ impl Vertex for InMedium {
     fn origin(&self, p: DVec3, _: Vec3) -> DVec3 {
         p
     }
+
+    #[inline(always)]
+    fn body<'a>(&'a self, inside: &'a Inside, _: Vec3) -> Option<&'a Interior> {
+        inside.last()
+    }
 }
 
 /// A scattering in a medium or at a surface.
 #[derive(Debug, Clone, Copy)]
+#[expect(clippy::large_enum_variant, reason = "two on the stack of a path")]
 pub(crate) enum Anywhere {
     Medium(InMedium),
     Surface { bsdf: Bsdf, wo: Vec3, interaction: Interaction },
@@ -62,6 +72,25 @@ impl Vertex for Anywhere {
         match self {
             Anywhere::Medium(_) => p,
             Anywhere::Surface { interaction, .. } => interaction.spawn(wi),
+        }
+    }
+
+    #[inline]
+    fn body<'a>(&'a self, inside: &'a Inside, wi: Vec3) -> Option<&'a Interior> {
+        match self {
+            Anywhere::Surface { wo, interaction, .. }
+                if !interaction.parameters.thin_walled
+                    && wi.dot(interaction.geometric_normal)
+                        * wo.dot(interaction.geometric_normal)
+                        < 0.0 =>
+            {
+                if interaction.front_face {
+                    interaction.interior.as_ref()
+                } else {
+                    inside.len().checked_sub(2).and_then(|around| inside.get(around))
+                }
+            }
+            _ => inside.last(),
         }
     }
 }
