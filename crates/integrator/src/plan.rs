@@ -64,7 +64,7 @@ impl PartialEq for PlannedMedia {
     }
 }
 
-/// Paths of the pilot: some milliseconds, a tenth of error.
+/// Paths of the pilot: some milliseconds; a tenth of error, up to a half where few paths scatter for long (`docs/charts/majorants.md`).
 const PILOT_PATHS: u32 = 512;
 
 /// What is modelled, by which methods, and why. Prints itself for people and serialises for `stats` and image metadata.
