@@ -1,13 +1,15 @@
 //! Volumes from files: which grid, how dense, where.
 
-use glam::{DAffine3, DVec3, Vec3};
+use glam::{DAffine3, DQuat, DVec3, Vec3};
 use pileus_media::{BlackbodyRadiance, EmissionSource, Medium, blackbody};
 use pileus_scene::volume::{CLOUD_OPTICAL_DEPTH, DefaultScale, VolumeLoader, VolumeRequest};
 use pileus_scene::volume_spec::{
     AlbedoSpec, DensitySpec, EmissionSpec, HomogeneousSpec, Rgb, TransformSpec, VolumeSpec,
 };
-use pileus_scene::{Error, Place, Volume, VolumeSource};
-use pileus_tests::root;
+use pileus_scene::{
+    CameraRequest, Error, GlassRule, Place, Scene, SceneRequest, Volume, VolumeSource,
+};
+use pileus_tests::{rendered, root, settings};
 use std::sync::Arc;
 
 fn load(spec: &VolumeSpec, default_scale: DefaultScale) -> Result<Volume, Error> {
@@ -111,6 +113,64 @@ fn volumes_of_one_grid_share_it() {
     let (Medium::Grid(a), Medium::Grid(b)) = (&*a.medium, &*b.medium) else { panic!() };
     assert!(Arc::ptr_eq(a.grid(), b.grid()));
     assert!(loader.seconds_build > 0.0);
+}
+
+/// Two hundred nodes that name one file: voxels are stored once, each cloud stands where its node does, and all of them render.
+#[test]
+fn a_field_of_instanced_clouds_holds_one_grid() {
+    let path = root().join("scenes/cloud_field.gltf");
+    let scene = Scene::load(SceneRequest {
+        gltf: Some((path.clone(), 683.0)),
+        volumes: Vec::new(),
+        volume_place: &|_, _| Place::default(),
+        camera: CameraRequest::Auto { fov_y_degrees: 35.0 },
+        lights: Vec::new(),
+        environment: None,
+        resolution: Some([48, 27]),
+        default_scale: DefaultScale::One,
+        glass_rule: GlassRule::default(),
+    })
+    .unwrap()
+    .scene;
+    let media: Vec<_> = scene
+        .volumes
+        .iter()
+        .map(|volume| match &*volume.medium {
+            Medium::Grid(medium) => medium,
+            Medium::Homogeneous(_) => panic!("a grid is expected"),
+        })
+        .collect();
+    assert_eq!(media.len(), 200);
+    assert!(media.iter().all(|medium| Arc::ptr_eq(medium.grid(), media[0].grid())));
+
+    let document: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap();
+    let numbers = |value: &serde_json::Value| -> Vec<f64> {
+        value.as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect()
+    };
+    let nodes = document["nodes"].as_array().unwrap();
+    let placed: Vec<DAffine3> = nodes
+        .iter()
+        .filter(|node| node["extensions"].is_object())
+        .map(|node| {
+            let rotation = DQuat::from_slice(&numbers(&node["rotation"])).normalize();
+            let [translation, scale] =
+                ["translation", "scale"].map(|key| DVec3::from_slice(&numbers(&node[key])));
+            DAffine3::from_scale_rotation_translation(scale, rotation, translation)
+        })
+        .collect();
+    for p in [DVec3::new(0.0, 150.0, 0.0), DVec3::new(-40.0, 120.0, 30.0)] {
+        let first = media[0].sigma_t_at(placed[0].transform_point3(p));
+        assert!(first > 0.01, "{first}");
+        for (medium, to_world) in media.iter().zip(&placed) {
+            // Extinction is per scene unit, whatever the node's scale; positions are rounded to single precision in voxels.
+            let found = medium.sigma_t_at(to_world.transform_point3(p));
+            assert!((found / first - 1.0).abs() < 1e-3, "{found} {first}");
+        }
+    }
+
+    let counters = rendered(&scene, &settings(1, 0)).counters;
+    assert!(counters.collisions > counters.paths, "{counters:?}");
 }
 
 #[test]

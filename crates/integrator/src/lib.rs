@@ -1,6 +1,7 @@
 #![doc = include_str!("../README.md")]
 #![forbid(unsafe_code)]
 
+mod cost;
 mod counters;
 mod error;
 mod interior;
@@ -15,10 +16,11 @@ mod settings;
 mod thickness;
 mod world;
 
+pub use cost::PathCost;
 pub use counters::Counters;
 pub use error::Error;
 pub use pilot::Pilot;
-pub use plan::{Plan, PlannedVolume, Predicted};
+pub use plan::{Plan, PlannedVolume};
 pub use render::{Monitor, Unmonitored, render, sample_pixel};
 pub use sampler::PathSampler;
 pub use settings::{Distance, LightSampling, RenderSettings, Transmittance};

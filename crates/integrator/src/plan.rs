@@ -1,6 +1,7 @@
 //! The plan: the simplest machinery that is exact for a scene, chosen once per render, and why.
 
 use crate::Error;
+use crate::cost::PathCost;
 use crate::lights::Lights;
 use crate::media::{MediaIndex, Methods};
 use crate::pilot::Pilot;
@@ -63,18 +64,7 @@ impl PartialEq for PlannedMedia {
     }
 }
 
-/// What a render is expected to cost, by a few pilot paths.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Predicted {
-    /// Lookups per path.
-    pub lookups_per_path: f64,
-    /// Majorant steps per path.
-    pub steps_per_path: f64,
-    /// Real collisions per path: the optical depth that flights cross.
-    pub collisions_per_path: f64,
-}
-
-/// Paths of the pilot: some milliseconds, a tenth of error.
+/// Paths of the pilot: some milliseconds; a tenth of error, up to a half where few paths scatter for long (`docs/charts/majorants.md`).
 const PILOT_PATHS: u32 = 512;
 
 /// What is modelled, by which methods, and why. Prints itself for people and serialises for `stats` and image metadata.
@@ -104,7 +94,7 @@ pub struct Plan {
     /// Majorant structure in use.
     pub majorants: String,
     /// Expected cost per path, for grids under delta and ratio tracking; none for other methods.
-    pub predicted: Option<Predicted>,
+    pub predicted: Option<PathCost>,
     /// Lights that shadow rays are sent to.
     pub shadow_ray_lights: usize,
     /// Most scattering events on a path; none: unlimited.
@@ -251,11 +241,7 @@ impl Plan {
         if grids > 0 && tracked && methods.transmittance == Estimator::Ratio && !plan.equiangular {
             let pilot = Pilot::new(scene, &plan, settings, PILOT_PATHS);
             let cost = pilot.cost_on(&plan.media);
-            plan.predicted = Some(Predicted {
-                lookups_per_path: cost.collisions,
-                steps_per_path: cost.steps,
-                collisions_per_path: pilot.collisions(),
-            });
+            plan.predicted = Some(PathCost::new(cost.collisions, cost.steps, pilot.collisions()));
         }
         Ok(plan)
     }
@@ -442,13 +428,8 @@ impl fmt::Display for Plan {
         if self.majorant_scale != 1.0 {
             writeln!(f, "               times {}", self.majorant_scale)?;
         }
-        if let Some(Predicted { lookups_per_path, steps_per_path, collisions_per_path }) =
-            self.predicted
-        {
-            writeln!(
-                f,
-                "expected       {lookups_per_path:.2} lookups, {steps_per_path:.2} steps, {collisions_per_path:.2} real collisions per path"
-            )?;
+        if let Some(cost) = self.predicted {
+            writeln!(f, "expected       {cost}")?;
         }
         writeln!(
             f,

@@ -1,7 +1,7 @@
 //! What is remembered about a render: the image's metadata and the stats file.
 
 use pileus_film::MetaValue;
-use pileus_integrator::{Counters, Plan};
+use pileus_integrator::{Counters, PathCost, Plan};
 use serde::Serialize;
 
 use crate::machine;
@@ -31,7 +31,7 @@ pub(crate) struct Stats<'a> {
     #[serde(flatten)]
     pub(crate) counters: &'a Counters,
     pub(crate) peak_memory_bytes: Option<u64>,
-    pub(crate) plan: &'a Plan,
+    pub(crate) plan: PlanAndCost<'a>,
     pub(crate) version: &'static str,
     pub(crate) job_hash: &'a str,
     pub(crate) interrupted: bool,
@@ -40,6 +40,14 @@ pub(crate) struct Stats<'a> {
     /// Left, top, width and height of what was rendered.
     pub(crate) crop: [u32; 4],
     pub(crate) image: &'a str,
+}
+
+/// The plan, and beside what it predicted what was measured.
+#[derive(Debug, Serialize)]
+pub(crate) struct PlanAndCost<'a> {
+    #[serde(flatten)]
+    pub(crate) plan: &'a Plan,
+    pub(crate) measured: Option<PathCost>,
 }
 
 impl Stats<'_> {

@@ -6,13 +6,13 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use pileus_film::{ExrSettings, Film, ToneMap, write_atomically, write_exr, write_png};
-use pileus_integrator::Monitor;
+use pileus_integrator::{Monitor, PathCost};
 
 use crate::cli::RenderOptions;
 use crate::command::{Prepared, prepare};
 use crate::failure::Failure;
 use crate::machine;
-use crate::record::{Seconds, Stats, VERSION, metadata};
+use crate::record::{PlanAndCost, Seconds, Stats, VERSION, metadata};
 use crate::report::{Progress, Report};
 use crate::settings::Outputs;
 
@@ -93,13 +93,14 @@ pub(crate) fn run(options: &RenderOptions, report: &Report) -> Result<(), Failur
     seconds.write = writing.elapsed().as_secs_f64();
     seconds.total = start.elapsed().as_secs_f64();
 
+    let measured = PathCost::measured(&counters);
     let was_interrupted = film.samples() < spp;
     let stats = Stats {
         seconds,
         samples: film.samples(),
         counters: &counters,
         peak_memory_bytes: Stats::peak_memory(),
-        plan: &plan,
+        plan: PlanAndCost { plan: &plan, measured },
         version: VERSION,
         job_hash: &job_hash,
         interrupted: was_interrupted,
@@ -116,6 +117,12 @@ pub(crate) fn run(options: &RenderOptions, report: &Report) -> Result<(), Failur
         seconds.render,
         counters.paths as f64 / seconds.render.max(1e-9) * 1e-6,
     );
+    if let (Some(measured), false) = (measured, plan.volumes.is_empty()) {
+        tracing::info!("measured: {measured}");
+    }
+    if let Some(predicted) = plan.predicted {
+        tracing::info!("expected: {predicted}");
+    }
     if was_interrupted {
         return Err(Failure::Interrupted(format!(
             "stopped after {} of {spp} samples per pixel; {} is written",
