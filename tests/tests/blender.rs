@@ -112,7 +112,7 @@ fn fire_is_cycles_fire() {
     let ours = rendered(&scene, &settings(64, 3));
     check("fire", &ours, 0.01, &[]);
     // The flames themselves, where neither has much noise.
-    let theirs = read_exr(root().join("tests/data/peers/fire_cycles.exr")).unwrap();
+    let theirs = read_exr(&root().join("tests/data/peers/fire_cycles.exr")).unwrap();
     let sum = |image: &Image| -> f64 {
         (100..150).flat_map(|y| (100..170).map(move |x| luminance(image, y * 256 + x))).sum()
     };

@@ -106,7 +106,7 @@ fn absorption_is_beer_lambert() {
     let medium = asset_medium("syn_plume.vdb", [60.0, 20.0, 5.0], [0.0; 3], hg(0.0));
     let (low, high) = medium.bounds_world().unwrap();
     let middle = 0.5 * (low + high);
-    let mut plume = scene(vec![medium], middle + DVec3::new(2.0, 1.0, 3.0), middle, 35.0);
+    let mut plume = scene(vec![medium], middle + DVec3::new(2.0, 1.0, 3.0), middle, 14.0);
     plume.environment.constant = Vec3::ONE;
     let result = rendered(&plume, &point_filter(256, 4));
     let Medium::Grid(grid) = &*plume.volumes[0].medium else { panic!("a grid") };
@@ -351,7 +351,7 @@ fn two_halves_make_a_whole() {
             .collect::<Vec<_>>();
         let (low, high) = media[0].bounds_world().unwrap();
         let middle = 0.5 * (low + high);
-        let mut scene = scene(media, middle + DVec3::new(2.0, 1.0, 3.0), middle, 35.0);
+        let mut scene = scene(media, middle + DVec3::new(2.0, 1.0, 3.0), middle, 14.0);
         scene.lights.push(sun(Vec3::new(0.5, 0.8, -0.3), Vec3::splat(3.0), 0.0));
         scene.environment.constant = Vec3::splat(0.3);
         scene
