@@ -125,9 +125,9 @@ fn fire_loads_with_its_flames() {
     assert_eq!(scene.camera.resolution(), [640, 640]);
     assert!((scene.camera.fov_y_degrees() - 40.0).abs() < 1e-3);
     assert!((scene.camera.position() - DVec3::new(0.0, 1.7, 5.2)).length() < 1e-6);
-    // No light in the file: the sky, said aloud.
-    assert!(loaded.notes.iter().any(|note| note.contains("default sky")));
-    assert!(!scene.environment.is_black());
+    // No light in the file but the fire's own: no sky is added.
+    assert!(!loaded.notes.iter().any(|note| note.contains("default sky")));
+    assert!(scene.environment.is_black() && scene.fires().count() == 1);
     assert!(!scene.not_modelled.iter().any(|item| item.contains("emission")));
     let (low, high) = scene.volumes[0].medium.bounds_world().unwrap();
     // Voxels of 0.0375 in a box of 53 x 53 x 96, Z up, moved by (-1, 0, 1): z runs from 1 down to -1.

@@ -108,7 +108,8 @@ fn absorption_is_beer_lambert() {
     let middle = 0.5 * (low + high);
     let mut plume = scene(vec![medium], middle + DVec3::new(2.0, 1.0, 3.0), middle, 14.0);
     plume.environment.constant = Vec3::ONE;
-    let result = rendered(&plume, &point_filter(256, 4));
+    // At the plume's rim few paths are absorbed: so many samples that the variance, which rests on those, is known in every block.
+    let result = rendered(&plume, &point_filter(4096, 4));
     let Medium::Grid(grid) = &*plume.volumes[0].medium else { panic!("a grid") };
     assert_expected("plume, per channel", &result, |x, y| {
         let (o, d) = pixel_ray(&plume, x, y);
