@@ -3,29 +3,7 @@
 
 use glam::Vec3;
 use pileus_film::{Image, read_exr};
-use pileus_scene::volume::DefaultScale;
-use pileus_scene::{CameraRequest, Environment, GlassRule, Place, Scene, SceneRequest};
-use pileus_tests::{Rendered, rendered, root, settings};
-
-fn load(scene: &str, volume: &str, resolution: [u32; 2], constant: Vec3) -> Scene {
-    let folder = tempfile::tempdir().unwrap();
-    let gltf = folder.path().join("gltf");
-    std::fs::create_dir(&gltf).unwrap();
-    std::fs::copy(root().join("tests/data/gltf").join(scene), gltf.join(scene)).unwrap();
-    std::fs::copy(root().join("scenes/assets").join(volume), folder.path().join(volume)).unwrap();
-    let request = SceneRequest {
-        gltf: Some((gltf.join(scene), 683.0)),
-        volumes: Vec::new(),
-        volume_place: &|_, _| Place::default(),
-        camera: CameraRequest::Auto { fov_y_degrees: 35.0 },
-        lights: Vec::new(),
-        environment: Some(Environment { constant, image: None }),
-        resolution: Some(resolution),
-        default_scale: DefaultScale::One,
-        glass_rule: GlassRule::default(),
-    };
-    Scene::load(request).unwrap().scene
-}
+use pileus_tests::{Rendered, blender, rendered, root, settings};
 
 /// Blocks of 16 x 16 pixels: columns and rows.
 type Area = (std::ops::Range<usize>, std::ops::Range<usize>);
@@ -108,7 +86,7 @@ fn check(name: &str, ours: &Rendered, lit: f64, other: &[(&str, Area)]) {
 
 #[test]
 fn fire_is_cycles_fire() {
-    let scene = load("fire.glb", "fire_0003.vdb", [256, 256], Vec3::ZERO);
+    let scene = blender("fire.glb", "fire_0003.vdb", [256, 256]);
     let ours = rendered(&scene, &settings(64, 3));
     check("fire", &ours, 0.01, &[]);
     // The flames themselves, where neither has much noise.
@@ -125,7 +103,9 @@ fn fire_is_cycles_fire() {
 /// Schlick's; light through the glass ball and off the brass falls on the floor.
 #[test]
 fn studio_is_cycles_studio_beside_glass_brass_and_penumbra() {
-    let scene = load("studio.glb", "smoke_plume.vdb", [480, 270], Vec3::new(0.05, 0.06, 0.08));
+    let mut scene = blender("studio.glb", "smoke_plume.vdb", [480, 270]);
+    // Blender's world, which its exporter leaves out.
+    scene.environment.constant = Vec3::new(0.05, 0.06, 0.08);
     let ours = rendered(&scene, &settings(24, 3));
     let other = [
         ("brass", (6..13, 9..14)),
