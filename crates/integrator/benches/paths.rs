@@ -98,7 +98,7 @@ fn field(count: usize) -> Scene {
             DAffine3::from_translation(at) * first.index_to_world(),
             [first.scale(); 3],
             first.albedo().clone(),
-            *first.phase(),
+            first.phase().clone(),
         );
         scene.volumes.push(Volume {
             name: format!("cloud {i}"),

@@ -20,7 +20,7 @@ use pileus_film::PixelSample;
 use pileus_media::distance::Equiangular;
 use pileus_media::phase::ISOTROPIC;
 use pileus_media::random::uniform;
-use pileus_media::{Phase, Tally};
+use pileus_media::{PhaseAt, Tally};
 use pileus_scene::{Bsdf, Environment};
 
 /// Throughput below which a path is played roulette.
@@ -63,8 +63,8 @@ struct Last<V> {
 }
 
 /// How a flight ended.
-enum Event {
-    Collision { t: f64, phase: Phase, albedo: Vec3 },
+enum Event<'a> {
+    Collision { t: f64, phase: PhaseAt<'a>, albedo: Vec3 },
     Surface(pileus_scene::Hit),
     Escape,
 }
@@ -87,7 +87,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         let mut alpha = 0.0;
         let mut first =
             Some(pileus_media::random::exponential_from((first * 4_294_967_296.0) as u32));
-        let mut last: Option<Last<W::Vertex>> = None;
+        let mut last: Option<Last<W::Vertex<'_>>> = None;
         let mut inside = Inside::new();
         loop {
             let hit = self.world.intersect(&ray, sampler);
@@ -121,7 +121,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
                 if let Some(body) = inside.last() {
                     let t_end = collision.as_ref().map_or(t_surface, |collision| collision.t);
                     if let Some(t) = interior::fly(body, t_end, &mut beta, sampler) {
-                        let phase = Phase::henyey_greenstein(body.g);
+                        let phase = PhaseAt::henyey_greenstein(body.g);
                         event = Event::Collision { t, phase, albedo: Vec3::ONE };
                     }
                 }
@@ -250,7 +250,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
     fn escape<const MIS: bool>(
         &self,
         ray: &Ray,
-        last: Option<&Last<W::Vertex>>,
+        last: Option<&Last<W::Vertex<'_>>>,
         null_probability: f32,
     ) -> Vec3 {
         if !MIS {
@@ -276,7 +276,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
 
     /// Probability with which a shadow ray from a vertex is sent to light `index`.
     #[inline(always)]
-    fn probability(&self, index: usize, last: &Last<W::Vertex>) -> f32 {
+    fn probability(&self, index: usize, last: &Last<W::Vertex<'_>>) -> f32 {
         self.lights.probability(index, last.p, |wi| last.vertex.eval(wi).1)
     }
 
@@ -286,7 +286,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         &self,
         ray: &Ray,
         (t, emitter, normal): (f64, Option<u32>, Vec3),
-        last: Option<&Last<W::Vertex>>,
+        last: Option<&Last<W::Vertex<'_>>>,
         null_probability: f32,
     ) -> f32 {
         let (Some(last), Some(emitter)) = (last, emitter) else { return 1.0 };
@@ -309,7 +309,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         &self,
         (ray, t_end, t_surface): (&Ray, f64, f64),
         beta: Vec3,
-        last: Option<&Last<W::Vertex>>,
+        last: Option<&Last<W::Vertex<'_>>>,
         inside: &Inside,
         sampler: &mut PathSampler,
         tally: &mut Tally,
@@ -355,7 +355,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
     #[inline(always)]
     fn next_event<const MIS: bool, const EQUIANGULAR: bool>(
         &self,
-        at: &Shading<'_, W::Vertex>,
+        at: &Shading<'_, W::Vertex<'_>>,
         u: [f32; 2],
         sampler: &mut PathSampler,
         tally: &mut Tally,
@@ -475,7 +475,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         };
         let mut scattered = Vec3::ZERO;
         self.media.scattering(p, |sigma_s, phase| {
-            scattered += sigma_s * phase.eval(ray.direction.dot(sample.wi));
+            scattered += sigma_s * phase.eval(ray.direction, sample.wi);
         });
         tally.lookups += 1;
         let unshadowed = beta * scattered * sample.weight * (weight / pdf) as f32;
@@ -499,8 +499,8 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
 
 /// What a path goes on from.
 #[expect(clippy::large_enum_variant, reason = "one on the stack of a path")]
-enum Turn {
-    Medium(Phase),
+enum Turn<'a> {
+    Medium(PhaseAt<'a>),
     Surface(Bsdf, pileus_scene::Interaction),
 }
 

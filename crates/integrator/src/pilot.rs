@@ -15,7 +15,8 @@ use crate::world::Whole;
 use glam::{DVec3, Vec3};
 use pileus_media::transmittance::ratio_tracking_with_roulette;
 use pileus_media::{
-    MajorantStructure, Medium, Phase, RayField, Relative, StructureCost, Tally, TentativeCollisions,
+    MajorantStructure, Medium, PhaseAt, RayField, Relative, StructureCost, Tally,
+    TentativeCollisions,
 };
 use pileus_scene::Scene;
 use rand_core::Rng;
@@ -84,7 +85,7 @@ impl Media for Recorder<'_> {
         self.media.transmittance(ray, t_max, threshold, rng, tally)
     }
 
-    fn scattering(&self, p_world: DVec3, visit: impl FnMut(Vec3, &Phase)) {
+    fn scattering(&self, p_world: DVec3, visit: impl FnMut(Vec3, PhaseAt<'_>)) {
         self.media.scattering(p_world, visit);
     }
 
@@ -92,7 +93,7 @@ impl Media for Recorder<'_> {
         self.media.extent(ray, t_max)
     }
 
-    fn properties(&self, collision: &Collision, p_world: DVec3) -> (Phase, Vec3) {
+    fn properties(&self, collision: &Collision, p_world: DVec3) -> (PhaseAt<'_>, Vec3) {
         self.media.properties(collision, p_world)
     }
 }

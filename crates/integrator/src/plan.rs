@@ -9,7 +9,7 @@ use crate::settings::{Distance, RenderSettings, Transmittance};
 use crate::thickness::typical_depth;
 use pileus_media::distance::DistanceSampler;
 use pileus_media::transmittance::Estimator;
-use pileus_media::{Albedo, MajorantStructure, Medium, Phase};
+use pileus_media::{Albedo, MajorantStructure, Medium};
 use pileus_scene::{Light, Scene, Surfaces};
 use serde::Serialize;
 use std::fmt;
@@ -382,10 +382,7 @@ fn choose(
 }
 
 fn describe(name: &str, medium: &Medium) -> PlannedVolume {
-    let phase = match medium.phase() {
-        Phase::Isotropic => "isotropic".to_owned(),
-        Phase::HenyeyGreenstein { g } => format!("henyey_greenstein g {g}"),
-    };
+    let phase = medium.phase().to_string();
     let color = |c: [f32; 3]| {
         if c[0] == c[1] && c[1] == c[2] { c[0].to_string() } else { format!("{c:?}") }
     };

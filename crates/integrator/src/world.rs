@@ -3,7 +3,7 @@
 use crate::interior::Inside;
 use crate::media::Ray;
 use glam::{DVec3, Vec3};
-use pileus_media::{EmissionField, Phase};
+use pileus_media::{EmissionField, PhaseAt};
 use pileus_scene::{Bsdf, Hit, Interaction, Interior, Surfaces};
 use rand_core::Rng;
 use std::sync::Arc;
@@ -23,16 +23,16 @@ pub(crate) trait Vertex {
 
 /// A scattering in a medium.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct InMedium {
-    pub(crate) phase: Phase,
+pub(crate) struct InMedium<'a> {
+    pub(crate) phase: PhaseAt<'a>,
     /// Propagation direction before the scattering.
     pub(crate) incoming: Vec3,
 }
 
-impl Vertex for InMedium {
+impl Vertex for InMedium<'_> {
     #[inline(always)]
     fn eval(&self, wi: Vec3) -> (Vec3, f32, f32) {
-        let value = self.phase.eval(self.incoming.dot(wi));
+        let value = self.phase.eval(self.incoming, wi);
         (Vec3::splat(value), value, value)
     }
 
@@ -50,12 +50,12 @@ impl Vertex for InMedium {
 /// A scattering in a medium or at a surface.
 #[derive(Debug, Clone, Copy)]
 #[expect(clippy::large_enum_variant, reason = "two on the stack of a path")]
-pub(crate) enum Anywhere {
-    Medium(InMedium),
+pub(crate) enum Anywhere<'a> {
+    Medium(InMedium<'a>),
     Surface { bsdf: Bsdf, wo: Vec3, interaction: Interaction },
 }
 
-impl Vertex for Anywhere {
+impl Vertex for Anywhere<'_> {
     #[inline]
     fn eval(&self, wi: Vec3) -> (Vec3, f32, f32) {
         match self {
@@ -106,11 +106,11 @@ pub(crate) trait World: Sync {
     /// Whether there is anything: all else is left out if not.
     const WHOLE: bool;
     /// What scatters.
-    type Vertex: Vertex + Copy;
+    type Vertex<'a>: Vertex + Copy;
     /// A scattering in a medium.
-    fn in_medium(vertex: InMedium) -> Self::Vertex;
+    fn in_medium(vertex: InMedium<'_>) -> Self::Vertex<'_>;
     /// A scattering at a surface.
-    fn at_surface(bsdf: Bsdf, wo: Vec3, interaction: Interaction) -> Option<Self::Vertex>;
+    fn at_surface<'a>(bsdf: Bsdf, wo: Vec3, interaction: Interaction) -> Option<Self::Vertex<'a>>;
     /// The triangles.
     fn surfaces(&self) -> Option<&Surfaces>;
     /// Volumes that give off light.
@@ -144,15 +144,15 @@ pub(crate) struct MediaAlone;
 
 impl World for MediaAlone {
     const WHOLE: bool = false;
-    type Vertex = InMedium;
+    type Vertex<'a> = InMedium<'a>;
 
     #[inline(always)]
-    fn in_medium(vertex: InMedium) -> InMedium {
+    fn in_medium(vertex: InMedium<'_>) -> InMedium<'_> {
         vertex
     }
 
     #[inline(always)]
-    fn at_surface(_: Bsdf, _: Vec3, _: Interaction) -> Option<InMedium> {
+    fn at_surface<'a>(_: Bsdf, _: Vec3, _: Interaction) -> Option<InMedium<'a>> {
         None
     }
 
@@ -176,13 +176,13 @@ pub(crate) struct Whole<'a> {
 
 impl World for Whole<'_> {
     const WHOLE: bool = true;
-    type Vertex = Anywhere;
+    type Vertex<'a> = Anywhere<'a>;
 
-    fn in_medium(vertex: InMedium) -> Anywhere {
+    fn in_medium(vertex: InMedium<'_>) -> Anywhere<'_> {
         Anywhere::Medium(vertex)
     }
 
-    fn at_surface(bsdf: Bsdf, wo: Vec3, interaction: Interaction) -> Option<Anywhere> {
+    fn at_surface<'a>(bsdf: Bsdf, wo: Vec3, interaction: Interaction) -> Option<Anywhere<'a>> {
         Some(Anywhere::Surface { bsdf, wo, interaction })
     }
 

@@ -5,8 +5,8 @@ use glam::{DAffine3, DMat3, DVec3, Vec3};
 use pileus_media::random::uniform;
 use pileus_media::transmittance::ratio_tracking;
 use pileus_media::{
-    Albedo, GridMedium, MajorantSegment, Phase, RayField, Tally, TentativeCollisions, VoxelGrid,
-    VoxelGridOptions,
+    Albedo, GridMedium, MajorantSegment, Phase, PhaseAt, RayField, Tally, TentativeCollisions,
+    VoxelGrid, VoxelGridOptions,
 };
 use pileus_vdb::{Tree, VdbFile};
 use rand_pcg::Pcg32;
@@ -32,7 +32,7 @@ fn medium(name: &str, scale: f32) -> GridMedium {
 }
 
 fn direction(rng: &mut Pcg32) -> Vec3 {
-    Phase::Isotropic.sample(Vec3::Z, [uniform(rng), uniform(rng)]).0
+    PhaseAt::Isotropic.sample(Vec3::Z, [uniform(rng), uniform(rng)]).0
 }
 
 fn point_in(medium: &GridMedium, rng: &mut Pcg32) -> DVec3 {

@@ -6,7 +6,8 @@ use pileus_media::distance::DistanceSampler;
 use pileus_media::random::uniform;
 use pileus_media::transmittance::Estimator;
 use pileus_media::{
-    Albedo, Grey, GridMedium, Phase, Span, Tally, Voxel, VoxelGrid, VoxelGridOptions, VoxelKernel,
+    Albedo, Grey, GridMedium, Phase, PhaseAt, Span, Tally, Voxel, VoxelGrid, VoxelGridOptions,
+    VoxelKernel,
 };
 use pileus_vdb::VdbFile;
 use rand_pcg::Pcg32;
@@ -40,7 +41,7 @@ fn spans(medium: &GridMedium, n: usize) -> Vec<Span> {
             uniform(&mut rng).into(),
         );
         let p = low + (high - low) * u;
-        let d = Phase::Isotropic.sample(Vec3::Z, [uniform(&mut rng), uniform(&mut rng)]).0;
+        let d = PhaseAt::Isotropic.sample(Vec3::Z, [uniform(&mut rng), uniform(&mut rng)]).0;
         if medium.sigma_t_at(p) > 0.0 {
             spans.extend(medium.span(p, d, f64::INFINITY));
         }

@@ -21,7 +21,7 @@ impl HomogeneousMedium {
     /// Extinction `sigma_t` per channel, 1/length, inside the axis-aligned world box `bounds` (`None`: everywhere).
     ///
     /// # Errors
-    /// If an extinction is negative or not finite, or the box is empty or not finite.
+    /// If an extinction is negative or not finite, the box is empty or not finite, or the phase function comes from a grid.
     pub fn new(
         sigma_t: [f32; 3],
         bounds: Option<(DVec3, DVec3)>,
@@ -35,6 +35,12 @@ impl HomogeneousMedium {
             ));
         }
         check_albedo(&albedo)?;
+        if matches!(phase, Phase::ByGrid(_)) {
+            return Err(Error::invalid(
+                "a homogeneous medium has no grid for its phase function",
+                "give the mean cosine as a number",
+            ));
+        }
         if let Some((low, high)) = bounds
             && !(low.is_finite() && high.is_finite() && low.cmplt(high).all())
         {

@@ -37,6 +37,6 @@ pub use majorant::{
     Partition, STEP_COST, StructureCost,
 };
 pub use medium::{Albedo, AnyGridRay, FieldKernel, GridMedium, Medium, Span, VoxelKernel};
-pub use phase::Phase;
+pub use phase::{Phase, PhaseAt};
 pub use tally::Tally;
 pub use transmittance::optical_depth;

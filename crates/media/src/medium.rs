@@ -6,7 +6,7 @@ use crate::field::{ExactField, MajorantSegment, RayField};
 use crate::grid::{Half, Voxel, VoxelGrid, Voxels};
 use crate::homogeneous::HomogeneousMedium;
 use crate::majorant::{Adaptive, AnyPartition, GridRay, MajorantStructure, Majorants, Partition};
-use crate::phase::Phase;
+use crate::phase::{Phase, PhaseAt};
 use crate::tally::Tally;
 use glam::{DAffine3, DVec3, Mat3, Vec3};
 use std::sync::Arc;
@@ -173,6 +173,12 @@ impl GridMedium {
     /// The phase function.
     pub fn phase(&self) -> &Phase {
         &self.phase
+    }
+
+    /// The phase function at a point in the world.
+    #[inline(always)]
+    pub fn phase_at(&self, p_world: DVec3) -> PhaseAt<'_> {
+        self.phase.at(|| self.world_to_local.transform_point3(p_world) + self.grid.local_to_index())
     }
 
     /// The albedo.
@@ -517,6 +523,15 @@ impl Medium {
         match self {
             Medium::Grid(medium) => medium.phase(),
             Medium::Homogeneous(medium) => medium.phase(),
+        }
+    }
+
+    /// The phase function at a point in the world.
+    #[inline(always)]
+    pub fn phase_at(&self, p_world: DVec3) -> PhaseAt<'_> {
+        match self {
+            Medium::Grid(medium) => medium.phase_at(p_world),
+            Medium::Homogeneous(medium) => medium.phase().at(|| p_world),
         }
     }
 

@@ -85,7 +85,7 @@ fn trackers_are_unbiased_on_every_ray() {
                 common::read(&path, &grid).1,
                 [scale; 3],
                 unit.albedo().clone(),
-                *unit.phase(),
+                unit.phase().clone(),
             )
             .unwrap();
             let origin = ray.origin + ray.direction * ray.t_min;
@@ -206,7 +206,7 @@ fn flights_are_exact_on_every_ray() {
                 common::read(&path, &grid).1,
                 [scale; 3],
                 unit.albedo().clone(),
-                *unit.phase(),
+                unit.phase().clone(),
             )
             .unwrap();
             let origin = ray.origin + ray.direction * ray.t_min;

@@ -4,8 +4,9 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use pileus_scene::json::Document;
+use pileus_scene::phase_spec::{CosineSpec, PhaseSpec};
 use pileus_scene::volume::DefaultScale;
-use pileus_scene::volume_spec::{DensitySpec, PhaseSpec, UpAxis, VolumeSpec};
+use pileus_scene::volume_spec::{DensitySpec, UpAxis, VolumeSpec};
 
 use crate::failure::Failure;
 use crate::job::{Job, OutputSpec};
@@ -105,7 +106,7 @@ impl Input {
                         grid: options.grid.clone(),
                         scale: options.density_scale,
                     }),
-                    phase: Some(PhaseSpec::HenyeyGreenstein { g: CLOUD_G }),
+                    phase: Some(PhaseSpec::HenyeyGreenstein { g: CosineSpec::Constant(CLOUD_G) }),
                     up_axis: options.up_axis,
                     ..VolumeSpec::default()
                 };

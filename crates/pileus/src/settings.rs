@@ -158,7 +158,14 @@ impl Settings {
         }
         let volumes = job.volumes.iter().flatten().map(|spec| {
             let vdb = spec.vdb.as_ref().map(|name| base.join(name).to_string_lossy().into_owned());
-            VolumeSpec { vdb, ..spec.clone() }
+            let relative = &mut |name: String| {
+                Ok::<_, std::convert::Infallible>(base.join(name).to_string_lossy().into_owned())
+            };
+            let phase = spec.phase.clone().map(|phase| match phase.map_files(relative) {
+                Ok(phase) => phase,
+                Err(never) => match never {},
+            });
+            VolumeSpec { vdb, phase, ..spec.clone() }
         });
         Ok(Self {
             render: sampling(&job, filter(&film, &places)?, &places)?,
@@ -261,11 +268,13 @@ impl Settings {
     pub fn files(&self) -> Vec<PathBuf> {
         let gltf = self.gltf.iter().map(|(path, _)| path.clone());
         let volumes = self.volumes.iter().filter_map(|spec| spec.vdb.as_ref().map(PathBuf::from));
+        let tables = self.volumes.iter().filter_map(|spec| spec.phase.as_ref());
+        let tables = tables.flat_map(|phase| phase.files()).map(PathBuf::from);
         let image = self.image.iter().filter_map(|source| match source {
             EnvironmentSource::File(file) => Some(file.path.clone()),
             EnvironmentSource::Sky { .. } => None,
         });
-        gltf.chain(volumes).chain(image).collect()
+        gltf.chain(volumes).chain(tables).chain(image).collect()
     }
 }
 

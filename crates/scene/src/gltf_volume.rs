@@ -5,10 +5,11 @@ use std::path::Path;
 use serde_json::{Map, Value};
 
 use crate::error::{Error, Place};
+use crate::gltf_phase::flat_phase;
 use crate::json::{Document, nearest};
 use crate::uri::{resolve_name, resolve_uri};
 use crate::volume_spec::{
-    AlbedoSpec, DensitySpec, EmissionSpec, PhaseSpec, Rgb, TemperatureSpec, UpAxis, VolumeSpec,
+    AlbedoSpec, DensitySpec, EmissionSpec, Rgb, TemperatureSpec, UpAxis, VolumeSpec,
 };
 
 /// The name of the node extension.
@@ -18,12 +19,22 @@ pub(crate) const EXTENSION: &str = "PILEUS_volume";
 const NESTED: &str = "pileus_volume";
 
 /// Flat keys of `extras`, what Blender writes from an object's custom properties.
-const FLAT: [&str; 13] = [
+const FLAT: [&str; 23] = [
     "pileus_vdb",
     "pileus_grid",
     "pileus_density_scale",
     "pileus_albedo",
+    "pileus_phase",
     "pileus_g",
+    "pileus_g_grid",
+    "pileus_g_scale",
+    "pileus_g_offset",
+    "pileus_alpha",
+    "pileus_g_forward",
+    "pileus_g_backward",
+    "pileus_weight_forward",
+    "pileus_droplet_diameter",
+    "pileus_phase_file",
     "pileus_extinction",
     "pileus_temperature_grid",
     "pileus_temperature_scale",
@@ -53,6 +64,13 @@ pub(crate) fn volume_of_node(
                 let place = document.place(&format!("{pointer}/vdb"));
                 spec.vdb = Some(path_text(&resolve_uri(base, uri, &place)?));
             }
+            if let Some(phase) = spec.phase {
+                let place = document.place(&format!("{pointer}/phase"));
+                let phase = phase.map_files(&mut |uri| {
+                    resolve_uri(base, &uri, &place).map(|path| path_text(&path))
+                });
+                spec.phase = Some(phase?);
+            }
             return Ok(Some((spec, pointer)));
         }
     }
@@ -66,6 +84,11 @@ pub(crate) fn volume_of_node(
         let Some(spec) = document.parse_at::<VolumeSpec>(&pointer) else { return Ok(None) };
         let mut spec = spec?;
         spec.vdb = spec.vdb.map(|name| path_text(&resolve_name(base, &name)));
+        if let Some(phase) = spec.phase {
+            let resolved =
+                &mut |name: String| Ok::<_, Error>(path_text(&resolve_name(base, &name)));
+            spec.phase = Some(phase.map_files(resolved)?);
+        }
         return Ok(Some((spec, pointer)));
     }
     let flat = Flat { document, pointer: &pointer, extras: &extras };
@@ -76,7 +99,7 @@ fn path_text(path: &Path) -> String {
     path.to_string_lossy().into_owned()
 }
 
-struct Flat<'a> {
+pub(crate) struct Flat<'a> {
     document: &'a Document,
     pointer: &'a str,
     extras: &'a Map<String, Value>,
@@ -112,7 +135,6 @@ impl Flat<'_> {
             Some("z" | "Z") => Some(UpAxis::Z),
             Some(_) => return Err(self.wrong("pileus_up_axis", "\"y\" or \"z\"")),
         };
-        let phase = self.number("pileus_g")?.map(|g| PhaseSpec::HenyeyGreenstein { g });
         Ok(Some(VolumeSpec {
             vdb: Some(path_text(&resolve_name(base, &vdb))),
             density: Some(DensitySpec {
@@ -121,7 +143,7 @@ impl Flat<'_> {
             }),
             albedo: self.rgb("pileus_albedo")?.map(AlbedoSpec::Constant),
             extinction: self.rgb("pileus_extinction")?,
-            phase,
+            phase: flat_phase(self, base)?,
             emission: self.emission()?,
             up_axis,
             ..VolumeSpec::default()
@@ -165,9 +187,14 @@ impl Flat<'_> {
         }
     }
 
-    fn place(&self, key: &str) -> Place {
+    pub(crate) fn place(&self, key: &str) -> Place {
         let key = key.replace('~', "~0").replace('/', "~1");
         self.document.place(&format!("{}/{key}", self.pointer))
+    }
+
+    /// Whether the property is there.
+    pub(crate) fn has(&self, key: &str) -> bool {
+        self.extras.contains_key(key)
     }
 
     fn wrong(&self, key: &str, expected: &str) -> Error {
@@ -176,7 +203,7 @@ impl Flat<'_> {
         Error::invalid(self.place(key), format!("`{key}` is {found}"), format!("give {expected}"))
     }
 
-    fn text(&self, key: &str) -> Result<Option<String>, Error> {
+    pub(crate) fn text(&self, key: &str) -> Result<Option<String>, Error> {
         match self.extras.get(key) {
             None => Ok(None),
             Some(Value::String(text)) => Ok(Some(text.clone())),
@@ -184,7 +211,7 @@ impl Flat<'_> {
         }
     }
 
-    fn number(&self, key: &str) -> Result<Option<f64>, Error> {
+    pub(crate) fn number(&self, key: &str) -> Result<Option<f64>, Error> {
         match self.extras.get(key) {
             None => Ok(None),
             Some(value) => value.as_f64().map(Some).ok_or_else(|| self.wrong(key, "a number")),

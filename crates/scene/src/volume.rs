@@ -6,6 +6,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use glam::{DAffine3, DMat3, DQuat, DVec3};
+use pileus_media::phase::CosineGrid;
 use pileus_media::{
     Albedo, BuildReport, ColorGrid, EmissionField, GridMedium, HomogeneousMedium, Interpolation,
     Medium, Phase, VoxelGrid, VoxelGridOptions,
@@ -14,9 +15,10 @@ use pileus_vdb::{GridClass, GridInfo, Tree, ValueType, Values, VdbFile};
 
 use crate::emission::EmissionParts;
 use crate::error::{Error, Place};
+use crate::phase_spec::{CosineSpec, PhaseSpec};
 use crate::uri::with_frame;
 use crate::volume_spec::{
-    AlbedoSpec, DEFAULT_ALBEDO, DensitySpec, HomogeneousSpec, InterpolationSpec, PhaseSpec, Rgb,
+    AlbedoSpec, DEFAULT_ALBEDO, DensitySpec, HomogeneousSpec, InterpolationSpec, Rgb,
     TransformSpec, UpAxis, VolumeSpec,
 };
 
@@ -100,12 +102,11 @@ impl VolumeLoader {
             &|| place("/extinction"),
             "extinction",
         )?;
-        let phase = phase(spec.phase.as_ref(), &|| place("/phase"))?;
         let placement = placement(spec, &request.to_world, place)?;
         match (&spec.vdb, &spec.homogeneous) {
-            (Some(vdb), None) => self.load_grid(request, vdb, extinction, phase, placement),
+            (Some(vdb), None) => self.load_grid(request, vdb, extinction, placement),
             (None, Some(homogeneous)) => {
-                load_homogeneous(request, homogeneous, extinction, phase, &placement)
+                load_homogeneous(request, homogeneous, extinction, &placement)
             }
             (None, None) => Err(Error::invalid(
                 place(""),
@@ -125,7 +126,6 @@ impl VolumeLoader {
         request: &VolumeRequest<'_>,
         vdb: &str,
         extinction: [f64; 3],
-        phase: Phase,
         placement: DAffine3,
     ) -> Result<Volume, Error> {
         let (spec, place) = (request.spec, request.place);
@@ -150,6 +150,7 @@ impl VolumeLoader {
             placement * affine(info.transform.matrix().map_err(|e| vdb_error("/vdb", e))?);
         let grid = self.grid(&file, &path, index, interpolation, &|| place("/vdb"))?;
         let albedo = self.albedo(request, &file, &path, info)?;
+        let phase = self.phase(request, &file, &path, info)?;
         let scale = match density.scale {
             Some(scale) => scale,
             None => match request.default_scale {
@@ -312,16 +313,7 @@ impl VolumeLoader {
         let values = file.read(index).map_err(vdb_error)?;
         self.seconds_load += start.elapsed().as_secs_f64();
         let start = Instant::now();
-        let own = affine(info.transform.matrix().map_err(vdb_error)?);
-        // From the density's index space to that of the colours; both share the world transform.
-        let to_own = own.inverse() * affine(density.transform.matrix().map_err(vdb_error)?);
-        if !to_own.is_finite() {
-            return Err(Error::invalid(
-                place("/albedo/grid"),
-                format!("the transform of grid `{name}` is singular"),
-                "write the grid again",
-            ));
-        }
+        let to_own = between(density, info, &|| place("/albedo/grid"))?;
         let grid = match &values.values {
             Values::Vec3f(tree) => ColorGrid::from_vec3_tree(tree, to_own),
             _ => ColorGrid::from_float_tree(&values.to_float().map_err(vdb_error)?, to_own),
@@ -330,13 +322,61 @@ impl VolumeLoader {
         self.seconds_build += start.elapsed().as_secs_f64();
         Ok(Albedo::Grid(Arc::new(grid)))
     }
+
+    fn phase(
+        &mut self,
+        request: &VolumeRequest<'_>,
+        file: &VdbFile,
+        path: &Path,
+        density: &GridInfo,
+    ) -> Result<Phase, Error> {
+        let place = request.place;
+        let spec = request.spec.phase.as_ref();
+        let Some(PhaseSpec::HenyeyGreenstein { g: CosineSpec::Grid(by_grid) }) = spec else {
+            return crate::phase::phase(spec, place);
+        };
+        let at = || place("/phase/g/grid");
+        let vdb_error = |source| Error::vdb(at(), source);
+        let index = file.find(&by_grid.grid).map_err(vdb_error)?;
+        let info = grid_info(file, index, path)?;
+        let to_own = between(density, info, &at)?;
+        let start = Instant::now();
+        let tree = file.read(index).and_then(pileus_vdb::Grid::to_float).map_err(vdb_error)?;
+        self.seconds_load += start.elapsed().as_secs_f64();
+        let start = Instant::now();
+        let number = |value: Option<f64>, default| value.unwrap_or(default) as f32;
+        let (scale, offset) = (number(by_grid.scale, 1.0), number(by_grid.offset, 0.0));
+        let grid = CosineGrid::new(&tree, scale, offset, to_own)
+            .map_err(|source| Error::medium(place("/phase/g"), source))?;
+        self.seconds_build += start.elapsed().as_secs_f64();
+        Ok(Phase::ByGrid(Arc::new(grid)))
+    }
+}
+
+/// From the index space of the density to that of another grid of the same file; both share the world transform.
+fn between(
+    density: &GridInfo,
+    other: &GridInfo,
+    place: &dyn Fn() -> Place,
+) -> Result<DAffine3, Error> {
+    let matrix = |info: &GridInfo| {
+        info.transform.matrix().map(affine).map_err(|source| Error::vdb(place(), source))
+    };
+    let map = matrix(other)?.inverse() * matrix(density)?;
+    if map.is_finite() {
+        return Ok(map);
+    }
+    Err(Error::invalid(
+        place(),
+        format!("the transform of grid `{}` is singular", other.full_name()),
+        "write the grid again",
+    ))
 }
 
 fn load_homogeneous(
     request: &VolumeRequest<'_>,
     homogeneous: &HomogeneousSpec,
     extinction: [f64; 3],
-    phase: Phase,
     placement: &DAffine3,
 ) -> Result<Volume, Error> {
     let (spec, place) = (request.spec, request.place);
@@ -365,6 +405,7 @@ fn load_homogeneous(
         Some(AlbedoSpec::Constant(rgb)) => constant_albedo(*rgb, place)?,
         None => constant_albedo(Rgb::Grey(DEFAULT_ALBEDO), place)?,
     };
+    let phase = crate::phase::phase(spec.phase.as_ref(), place)?;
     let bounds = homogeneous.bounds.map(|bounds| bounds.map(DVec3::from_array));
     let bounds = match bounds {
         None => None,
@@ -535,28 +576,6 @@ fn placement(
         ));
     }
     Ok(placement)
-}
-
-fn phase(spec: Option<&PhaseSpec>, place: &dyn Fn() -> Place) -> Result<Phase, Error> {
-    match spec {
-        None | Some(PhaseSpec::Isotropic {}) => Ok(Phase::Isotropic),
-        Some(&PhaseSpec::HenyeyGreenstein { g }) if g.abs() < 1.0 => {
-            let limit = f64::from(pileus_media::phase::MAX_G);
-            if g.abs() > limit {
-                return Err(Error::unsupported(
-                    place(),
-                    format!("g is {g}"),
-                    format!("use a mean cosine between -{limit} and {limit}"),
-                ));
-            }
-            Ok(Phase::henyey_greenstein(g as f32))
-        }
-        Some(PhaseSpec::HenyeyGreenstein { g }) => Err(Error::invalid(
-            place(),
-            format!("g is {g}"),
-            "the mean cosine lies between -1 and 1 without its ends",
-        )),
-    }
 }
 
 pub(crate) fn channels(

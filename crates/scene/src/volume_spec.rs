@@ -4,6 +4,7 @@
 use std::borrow::Cow;
 use std::fmt;
 
+use crate::phase_spec::PhaseSpec;
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::{self, MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -101,19 +102,6 @@ pub enum AlbedoSpec {
     Constant(Rgb),
     /// The values of a grid of the same file.
     Grid(String),
-}
-
-/// A phase function, normalised over the sphere.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(tag = "type", rename_all = "snake_case", deny_unknown_fields)]
-pub enum PhaseSpec {
-    /// The same in all directions.
-    Isotropic {},
-    /// Henyey and Greenstein 1941.
-    HenyeyGreenstein {
-        /// Mean cosine between -1 and 1 without its ends; above 0 scatters forward.
-        g: f64,
-    },
 }
 
 /// Light that a volume gives off, as radiance per scene unit along a ray; scaling the volume makes it

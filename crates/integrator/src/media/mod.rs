@@ -11,7 +11,7 @@ pub(crate) use single_grey::{AnyStructure, DefaultStructure, SingleGrey, Structu
 use glam::{DVec3, Vec3};
 use pileus_media::distance::DistanceSampler;
 use pileus_media::transmittance::Estimator;
-use pileus_media::{Phase, Tally};
+use pileus_media::{PhaseAt, Tally};
 use rand_core::Rng;
 
 /// A ray in the world; `direction` is a unit vector.
@@ -107,11 +107,11 @@ pub(crate) trait Media: Sync {
     ) -> Shadow;
 
     /// Calls `visit` with scattering coefficient per channel, 1/length, and phase function of every medium at a point.
-    fn scattering(&self, p_world: DVec3, visit: impl FnMut(Vec3, &Phase));
+    fn scattering(&self, p_world: DVec3, visit: impl FnMut(Vec3, PhaseAt<'_>));
 
     /// The part of a ray up to `t_max` that may hold extinction.
     fn extent(&self, ray: &Ray, t_max: f64) -> Option<(f64, f64)>;
 
     /// Phase function and albedo at a collision.
-    fn properties(&self, collision: &Collision, p_world: DVec3) -> (Phase, Vec3);
+    fn properties(&self, collision: &Collision, p_world: DVec3) -> (PhaseAt<'_>, Vec3);
 }

@@ -16,7 +16,7 @@ use pileus_media::random::{exponential, uniform};
 use pileus_media::transmittance::{Estimator, RatioEstimate, ratio_tracking_with_roulette};
 use pileus_media::{
     AnyGridRay, Channels, ExactField, FieldKernel, Grey, GridMedium, HomogeneousMedium,
-    HomogeneousRay, MajorantSegment, Medium, Phase, RayField, Relative, Span, Spectrum, Tally,
+    HomogeneousRay, MajorantSegment, Medium, PhaseAt, RayField, Relative, Span, Spectrum, Tally,
     Tentative, TentativeCollisions,
 };
 use rand_core::Rng;
@@ -492,13 +492,13 @@ impl Media for Overlapping<'_> {
         shadow
     }
 
-    fn scattering(&self, p_world: DVec3, mut visit: impl FnMut(Vec3, &Phase)) {
+    fn scattering(&self, p_world: DVec3, mut visit: impl FnMut(Vec3, PhaseAt<'_>)) {
         for index in self.index.around(p_world) {
             let medium = &self.media[index as usize];
             let sigma_t = medium.sigma_t_at(p_world) as f32;
             if sigma_t > 0.0 {
                 let sigma_t = medium.relative_extinction() * sigma_t;
-                visit(medium.albedo_at(p_world) * sigma_t, medium.phase());
+                visit(medium.albedo_at(p_world) * sigma_t, medium.phase_at(p_world));
             }
         }
     }
@@ -514,8 +514,8 @@ impl Media for Overlapping<'_> {
         hull
     }
 
-    fn properties(&self, collision: &Collision, p_world: DVec3) -> (Phase, Vec3) {
+    fn properties(&self, collision: &Collision, p_world: DVec3) -> (PhaseAt<'_>, Vec3) {
         let medium = &self.media[collision.medium];
-        (*medium.phase(), medium.albedo_at(p_world))
+        (medium.phase_at(p_world), medium.albedo_at(p_world))
     }
 }

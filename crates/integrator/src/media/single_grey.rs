@@ -5,7 +5,7 @@ use glam::{DVec3, Vec3};
 use pileus_media::distance::{DistanceSampler, Flight, delta_tracking};
 use pileus_media::transmittance::{Estimator, ratio_tracking_with_roulette};
 use pileus_media::{
-    Adaptive, AnyPartition, Grey, GridMedium, GridRay, Partition, Phase, Span, Tally,
+    Adaptive, AnyPartition, Grey, GridMedium, GridRay, Partition, PhaseAt, Span, Tally,
     TentativeCollisions, Voxel,
 };
 use rand_core::Rng;
@@ -156,10 +156,10 @@ impl<V: Voxel, S: Structures> Media for SingleGrey<'_, V, S> {
         }
     }
 
-    fn scattering(&self, p_world: DVec3, mut visit: impl FnMut(Vec3, &Phase)) {
+    fn scattering(&self, p_world: DVec3, mut visit: impl FnMut(Vec3, PhaseAt<'_>)) {
         let sigma_t = self.medium.sigma_t_at(p_world) as f32;
         if sigma_t > 0.0 {
-            visit(self.medium.albedo_at(p_world) * sigma_t, self.medium.phase());
+            visit(self.medium.albedo_at(p_world) * sigma_t, self.medium.phase_at(p_world));
         }
     }
 
@@ -169,7 +169,7 @@ impl<V: Voxel, S: Structures> Media for SingleGrey<'_, V, S> {
     }
 
     #[inline(always)]
-    fn properties(&self, _: &Collision, p_world: DVec3) -> (Phase, Vec3) {
-        (*self.medium.phase(), self.medium.albedo_at(p_world))
+    fn properties(&self, _: &Collision, p_world: DVec3) -> (PhaseAt<'_>, Vec3) {
+        (self.medium.phase_at(p_world), self.medium.albedo_at(p_world))
     }
 }

@@ -2,7 +2,7 @@
 
 use glam::{DVec3, Vec3};
 use pileus_media::random::uniform;
-use pileus_media::{GridMedium, Phase, RayField, Tally, optical_depth};
+use pileus_media::{GridMedium, PhaseAt, RayField, Tally, optical_depth};
 use rand_pcg::Pcg32;
 
 /// What a ray is like for estimators.
@@ -64,7 +64,8 @@ pub fn classed_rays(medium: &GridMedium, per_class: usize, seed: u64) -> Vec<Lab
     for _ in 0..CANDIDATES {
         let mut u = || f64::from(uniform(&mut rng));
         let origin = low + (high - low) * DVec3::new(u(), u(), u());
-        let direction = Phase::Isotropic.sample(Vec3::Z, [uniform(&mut rng), uniform(&mut rng)]).0;
+        let direction =
+            PhaseAt::Isotropic.sample(Vec3::Z, [uniform(&mut rng), uniform(&mut rng)]).0;
         if medium.sigma_t_at(origin) <= 0.0 {
             continue;
         }

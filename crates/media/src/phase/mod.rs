@@ -1,0 +1,191 @@
+//! Phase functions: the angular law of scattering, normalised over the sphere.
+//!
+//! [`Phase`] is what a medium owns, [`PhaseAt`] what holds at one point: small and cheap to copy, for paths to carry. Isotropic scattering and Henyey-Greenstein
+//! are part of the path's own code; everything else is behind one branch and a call.
+
+mod cosine;
+mod cosine_grid;
+mod draine;
+mod henyey_greenstein;
+mod lobe;
+mod mie_fit;
+mod rayleigh;
+mod tabulated;
+#[cfg(test)]
+mod tests;
+
+pub use cosine::Cosine;
+pub use cosine_grid::CosineGrid;
+pub use draine::{Draine, MAX_ALPHA};
+pub use henyey_greenstein::MAX_G;
+pub use lobe::{Lobe, MAX_LOBES, Mixture};
+pub use mie_fit::{MAX_DIAMETER, MIN_DIAMETER, MieFit};
+pub use tabulated::{MAX_ROWS, Tabulated};
+
+use crate::elementary::sin_cos_turn;
+use glam::{DVec3, Vec3};
+use std::f32::consts::PI;
+use std::fmt;
+use std::sync::Arc;
+
+/// 1 / (4 pi), the isotropic phase function, 1/sr.
+pub const ISOTROPIC: f32 = 0.25 / PI;
+
+/// The phase function of a medium. Cheap to clone: tables and grids are shared.
+#[derive(Debug, Clone)]
+pub enum Phase {
+    /// Equal in all directions.
+    Isotropic,
+    /// Henyey and Greenstein (1941) with mean cosine `g` in [-0.999, 0.999]; g > 0 scatters forward.
+    HenyeyGreenstein {
+        /// Mean cosine.
+        g: f32,
+    },
+    /// Henyey-Greenstein whose mean cosine is looked up where a path scatters.
+    ByGrid(Arc<CosineGrid>),
+    /// Any sum of lobes.
+    Mixture(Arc<Mixture>),
+}
+
+impl Phase {
+    /// Henyey-Greenstein of mean cosine `g`, clamped to [-0.999, 0.999]; isotropic for g = 0.
+    pub fn henyey_greenstein(g: f32) -> Phase {
+        if g == 0.0 {
+            Phase::Isotropic
+        } else {
+            Phase::HenyeyGreenstein { g: g.clamp(-MAX_G, MAX_G) }
+        }
+    }
+
+    /// A sum of lobes; in the cheapest form there is.
+    pub fn mixture(mixture: Mixture) -> Phase {
+        match mixture.single() {
+            Some(Lobe::Isotropic) => Phase::Isotropic,
+            Some(Lobe::HenyeyGreenstein { g }) => Phase::henyey_greenstein(*g),
+            _ => Phase::Mixture(Arc::new(mixture)),
+        }
+    }
+
+    /// The phase function at a point of the medium's index space, which is asked for only if it matters.
+    #[inline(always)]
+    pub fn at(&self, p_index: impl FnOnce() -> DVec3) -> PhaseAt<'_> {
+        match self {
+            Phase::Isotropic => PhaseAt::Isotropic,
+            Phase::HenyeyGreenstein { g } => PhaseAt::HenyeyGreenstein { g: *g },
+            Phase::ByGrid(grid) => PhaseAt::HenyeyGreenstein { g: grid.at_index(p_index()) },
+            Phase::Mixture(mixture) => PhaseAt::Mixture(mixture),
+        }
+    }
+}
+
+impl fmt::Display for Phase {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Phase::Isotropic => f.write_str("isotropic"),
+            Phase::HenyeyGreenstein { g } => write!(f, "henyey_greenstein g {g}"),
+            Phase::ByGrid(grid) => {
+                let (low, high) = grid.range();
+                write!(f, "henyey_greenstein g by grid {low:.4} to {high:.4}")
+            }
+            Phase::Mixture(mixture) => mixture.fmt(f),
+        }
+    }
+}
+
+/// The phase function at a point. Directions are unit vectors of propagation, before (`incoming`) and after (`wi`) the scattering.
+#[derive(Debug, Clone, Copy)]
+pub enum PhaseAt<'a> {
+    /// Equal in all directions.
+    Isotropic,
+    /// Henyey-Greenstein.
+    HenyeyGreenstein {
+        /// Mean cosine in [-0.999, 0.999].
+        g: f32,
+    },
+    /// Any sum of lobes.
+    Mixture(&'a Mixture),
+}
+
+impl PhaseAt<'_> {
+    /// Henyey-Greenstein of mean cosine `g`, clamped to [-0.999, 0.999].
+    #[inline(always)]
+    pub fn henyey_greenstein(g: f32) -> PhaseAt<'static> {
+        if g == 0.0 {
+            PhaseAt::Isotropic
+        } else {
+            PhaseAt::HenyeyGreenstein { g: g.clamp(-MAX_G, MAX_G) }
+        }
+    }
+
+    /// Mean cosine of the scattering angle.
+    pub fn mean_cosine(&self) -> f32 {
+        match self {
+            PhaseAt::Isotropic => 0.0,
+            PhaseAt::HenyeyGreenstein { g } => *g,
+            PhaseAt::Mixture(mixture) => mixture.mean_cosine(),
+        }
+    }
+
+    /// Value, 1/sr; also the density with which [`PhaseAt::sample`] draws (its samples have weight one).
+    #[inline(always)]
+    pub fn eval(&self, incoming: Vec3, wi: Vec3) -> f32 {
+        match *self {
+            PhaseAt::Isotropic => ISOTROPIC,
+            PhaseAt::HenyeyGreenstein { g } => {
+                let cos_theta = incoming.dot(wi);
+                let one_minus = (1.0 - cos_theta.copysign(cos_theta * g)).max(0.0);
+                henyey_greenstein::value(g.abs(), one_minus)
+            }
+            PhaseAt::Mixture(mixture) => eval_mixture(mixture, incoming, wi),
+        }
+    }
+
+    /// A direction for two random numbers in [0, 1), and its density, 1/sr.
+    #[inline(always)]
+    pub fn sample(&self, incoming: Vec3, u: [f32; 2]) -> (Vec3, f32) {
+        let (cos_theta, sin_theta, pdf) = match *self {
+            PhaseAt::Isotropic => (1.0 - 2.0 * u[0], 2.0 * (u[0] * (1.0 - u[0])).sqrt(), ISOTROPIC),
+            PhaseAt::HenyeyGreenstein { g } => {
+                let one_minus = henyey_greenstein::one_minus_cos(g.abs(), u[0]);
+                let sin = (one_minus * (2.0 - one_minus)).sqrt();
+                (
+                    (1.0 - one_minus).copysign((1.0 - one_minus) * g),
+                    sin,
+                    henyey_greenstein::value(g.abs(), one_minus),
+                )
+            }
+            PhaseAt::Mixture(mixture) => sample_mixture(mixture, u[0]),
+        };
+        let (sin_phi, cos_phi) = sin_cos_turn(u[1]);
+        let (x, y) = basis(incoming);
+        let wi = x * (sin_theta * cos_phi) + y * (sin_theta * sin_phi) + incoming * cos_theta;
+        // One Newton step keeps the direction a unit vector over thousands of scatterings.
+        let wi = wi * (1.5 - 0.5 * wi.length_squared());
+        (wi, pdf)
+    }
+}
+
+/// Out of line, as its sibling: kernels of clouds by Henyey-Greenstein hold none of it.
+#[inline(never)]
+fn eval_mixture(mixture: &Mixture, incoming: Vec3, wi: Vec3) -> f32 {
+    mixture.eval(Cosine::between(incoming, wi))
+}
+
+/// Cosine, sine and density.
+#[inline(never)]
+fn sample_mixture(mixture: &Mixture, u: f32) -> (f32, f32, f32) {
+    let cosine = mixture.sample(u);
+    (cosine.value(), cosine.sine(), mixture.eval(cosine))
+}
+
+/// Two unit vectors that form a right-handed orthonormal basis with the unit vector `n` (Duff et al. 2017).
+#[inline(always)]
+pub fn basis(n: Vec3) -> (Vec3, Vec3) {
+    let sign = 1f32.copysign(n.z);
+    let a = -1.0 / (sign + n.z);
+    let b = n.x * n.y * a;
+    (
+        Vec3::new(1.0 + sign * n.x * n.x * a, sign * b, -sign * n.x),
+        Vec3::new(b, sign + n.y * n.y * a, -n.y),
+    )
+}

@@ -1,0 +1,103 @@
+//! Phase functions from flat custom properties of a glTF node.
+
+use std::path::Path;
+
+use crate::error::Error;
+use crate::gltf_volume::Flat;
+use crate::json::nearest;
+use crate::phase_spec::{CosineGridSpec, CosineSpec, PhaseSpec};
+use crate::uri::resolve_name;
+
+/// Types of phase functions that flat keys can say, and the keys of each.
+const TYPES: [(&str, &[&str]); 7] = [
+    ("isotropic", &[]),
+    ("henyey_greenstein", &["pileus_g", "pileus_g_grid", "pileus_g_scale", "pileus_g_offset"]),
+    ("two_lobe", &["pileus_g_forward", "pileus_g_backward", "pileus_weight_forward"]),
+    ("rayleigh", &[]),
+    ("draine", &["pileus_g", "pileus_alpha"]),
+    ("mie", &["pileus_droplet_diameter"]),
+    ("tabulated", &["pileus_phase_file"]),
+];
+
+/// The phase function that flat keys describe: of the type that `pileus_phase` names, or of the first type that has one of the keys given.
+pub(crate) fn flat_phase(flat: &Flat<'_>, base: &Path) -> Result<Option<PhaseSpec>, Error> {
+    let names = || TYPES.iter().map(|(name, _)| *name);
+    let (name, keys) = match flat.text("pileus_phase")? {
+        Some(name) => match TYPES.iter().find(|(known, _)| *known == name) {
+            Some(found) => *found,
+            None => {
+                let near = nearest(&name, names()).unwrap_or_default();
+                let known = names().collect::<Vec<_>>().join("`, `");
+                return Err(Error::invalid(
+                    flat.place("pileus_phase"),
+                    format!("unknown phase function `{name}`"),
+                    format!(
+                        "did you mean `{near}`? Known here: `{known}`; mixtures can be written in the object `pileus_volume`"
+                    ),
+                ));
+            }
+        },
+        None => match TYPES.iter().find(|(_, keys)| keys.iter().any(|key| flat.has(key))) {
+            Some(found) => *found,
+            None => return Ok(None),
+        },
+    };
+    let foreign =
+        TYPES.iter().flat_map(|(_, keys)| *keys).find(|key| flat.has(key) && !keys.contains(key));
+    if let Some(key) = foreign {
+        return Err(Error::invalid(
+            flat.place(key),
+            format!("`{key}` does not belong to the phase function `{name}`"),
+            format!(
+                "remove it, or name another type with `pileus_phase`: `{}`",
+                names().collect::<Vec<_>>().join("`, `")
+            ),
+        ));
+    }
+    let missing = |key: &str| {
+        Error::invalid(
+            flat.place("pileus_phase"),
+            format!("the phase function `{name}` needs `{key}`"),
+            format!("add `{key}`"),
+        )
+    };
+    let need = |key: &str| flat.number(key)?.ok_or_else(|| missing(key));
+    Ok(Some(match name {
+        "henyey_greenstein" => PhaseSpec::HenyeyGreenstein {
+            g: mean_cosine(flat)?.ok_or_else(|| missing("pileus_g"))?,
+        },
+        "two_lobe" => PhaseSpec::TwoLobe {
+            g_forward: need("pileus_g_forward")?,
+            g_backward: need("pileus_g_backward")?,
+            weight_forward: need("pileus_weight_forward")?,
+        },
+        "rayleigh" => PhaseSpec::Rayleigh {},
+        "draine" => PhaseSpec::Draine { g: need("pileus_g")?, alpha: need("pileus_alpha")? },
+        "mie" => PhaseSpec::Mie { droplet_diameter: need("pileus_droplet_diameter")? },
+        "tabulated" => {
+            let file =
+                flat.text("pileus_phase_file")?.ok_or_else(|| missing("pileus_phase_file"))?;
+            PhaseSpec::Tabulated { file: resolve_name(base, &file).to_string_lossy().into_owned() }
+        }
+        _ => PhaseSpec::Isotropic {},
+    }))
+}
+
+fn mean_cosine(flat: &Flat<'_>) -> Result<Option<CosineSpec>, Error> {
+    let (g, grid) = (flat.number("pileus_g")?, flat.text("pileus_g_grid")?);
+    let (scale, offset) = (flat.number("pileus_g_scale")?, flat.number("pileus_g_offset")?);
+    match (g, grid) {
+        (Some(_), Some(_)) => Err(Error::invalid(
+            flat.place("pileus_g_grid"),
+            "`pileus_g` and `pileus_g_grid` each say what the mean cosine is",
+            "keep one; `pileus_g_offset` is added to the grid",
+        )),
+        (None, Some(grid)) => Ok(Some(CosineSpec::Grid(CosineGridSpec { grid, scale, offset }))),
+        (_, None) if scale.is_some() || offset.is_some() => Err(Error::invalid(
+            flat.place(if scale.is_some() { "pileus_g_scale" } else { "pileus_g_offset" }),
+            "scale and offset of a mean cosine belong to `pileus_g_grid`",
+            "add `pileus_g_grid` with the name of a grid, or remove them",
+        )),
+        (g, None) => Ok(g.map(CosineSpec::Constant)),
+    }
+}

@@ -1,0 +1,149 @@
+//! From what a user wrote about the angular law of scattering to the law.
+
+use std::io::Read;
+use std::path::Path;
+
+use pileus_media::Phase;
+use pileus_media::phase::{Draine, Lobe, MAX_G, MieFit, Mixture, Tabulated};
+
+use crate::error::{Error, Place};
+use crate::phase_spec::{CosineSpec, LobeSpec, PhaseSpec};
+
+/// Largest table in bytes.
+const MAX_TABLE: u64 = 64 << 20;
+
+/// The phase function of a volume; its place in the specification is `/phase`. Grids are not looked up here.
+pub(crate) fn phase(
+    spec: Option<&PhaseSpec>,
+    place: &dyn Fn(&str) -> Place,
+) -> Result<Phase, Error> {
+    match spec {
+        None => Ok(Phase::Isotropic),
+        Some(spec) => mixture(spec, place, "/phase").map(Phase::mixture),
+    }
+}
+
+fn mixture(
+    spec: &PhaseSpec,
+    place: &dyn Fn(&str) -> Place,
+    pointer: &str,
+) -> Result<Mixture, Error> {
+    let at = |key: &str| place(&format!("{pointer}{key}"));
+    let lobe = |g: f64, key: &str| Ok(Mixture::of(Lobe::henyey_greenstein(cosine(g, || at(key))?)));
+    let medium = |source| Error::medium(at(""), source);
+    match spec {
+        PhaseSpec::Isotropic {} => Ok(Mixture::of(Lobe::Isotropic)),
+        PhaseSpec::HenyeyGreenstein { g: CosineSpec::Constant(g) } => lobe(*g, "/g"),
+        PhaseSpec::HenyeyGreenstein { g: CosineSpec::Grid(_) } => Err(Error::unsupported(
+            at("/g"),
+            "a mean cosine by grid is possible in volumes with `vdb`, outside of mixtures",
+            "give a number",
+        )),
+        PhaseSpec::TwoLobe { g_forward, g_backward, weight_forward } => {
+            if !(0.0..=1.0).contains(weight_forward) {
+                return Err(Error::invalid(
+                    at("/weight_forward"),
+                    format!("weight_forward is {weight_forward}"),
+                    "give a number between 0 and 1",
+                ));
+            }
+            Mixture::new([
+                (*weight_forward, lobe(*g_forward, "/g_forward")?),
+                (1.0 - weight_forward, lobe(*g_backward, "/g_backward")?),
+            ])
+            .map_err(medium)
+        }
+        PhaseSpec::Mixture { lobes } => {
+            let mut parts = Vec::new();
+            for (i, LobeSpec { weight, phase }) in lobes.iter().enumerate() {
+                if !(0.0..=1e30).contains(weight) {
+                    return Err(Error::invalid(
+                        at(&format!("/lobes/{i}/weight")),
+                        format!("the weight is {weight}"),
+                        "give a number of at least 0",
+                    ));
+                }
+                let below = format!("{pointer}/lobes/{i}/phase");
+                parts.push((*weight, mixture(phase, place, &below)?));
+            }
+            Mixture::new(parts).map_err(|source| Error::medium(at("/lobes"), source))
+        }
+        PhaseSpec::Rayleigh {} => Ok(Mixture::of(Lobe::Rayleigh)),
+        PhaseSpec::Draine { g, alpha } => {
+            let draine = Draine::new(cosine(*g, || at("/g"))?, *alpha as f32);
+            draine
+                .map(|draine| Mixture::of(Lobe::Draine(draine)))
+                .map_err(|source| Error::medium(at("/alpha"), source))
+        }
+        PhaseSpec::Mie { droplet_diameter } => MieFit::new(*droplet_diameter)
+            .and_then(|fit| fit.mixture())
+            .map_err(|source| Error::medium(at("/droplet_diameter"), source)),
+        PhaseSpec::Tabulated { file } => {
+            let table = read_table(Path::new(file), &at("/file"))?;
+            Ok(Mixture::of(Lobe::Tabulated(table)))
+        }
+    }
+}
+
+/// A mean cosine that single precision can follow.
+fn cosine(g: f64, place: impl Fn() -> Place) -> Result<f32, Error> {
+    let limit = f64::from(MAX_G);
+    if g.abs() <= limit {
+        return Ok(g as f32);
+    }
+    let what = format!("g is {g}");
+    Err(if g.abs() < 1.0 {
+        let remedy = format!("use a mean cosine between -{limit} and {limit}");
+        Error::unsupported(place(), what, remedy)
+    } else {
+        Error::invalid(place(), what, "the mean cosine lies between -1 and 1 without its ends")
+    })
+}
+
+/// Reads a table of angles in degrees and values.
+fn read_table(path: &Path, asked_at: &Place) -> Result<Tabulated, Error> {
+    let named = || Place { part: Some(format!("named at {asked_at}")), ..Place::file(path) };
+    let io = |source| Error::io(named(), source);
+    let mut bytes = Vec::new();
+    std::fs::File::open(path)
+        .and_then(|file| file.take(MAX_TABLE + 1).read_to_end(&mut bytes))
+        .map_err(io)?;
+    if bytes.len() as u64 > MAX_TABLE {
+        let what = format!("the table is larger than {MAX_TABLE} bytes");
+        return Err(Error::unsupported(named(), what, "leave out rows"));
+    }
+    let text = std::str::from_utf8(&bytes)
+        .map_err(|_| Error::invalid(named(), "the text is not UTF-8", "save it as UTF-8"))?;
+    let (mut rows, mut lines) = (Vec::new(), Vec::new());
+    let at_line = |line: usize| Place { line: Some(line), ..named() };
+    for (number, line) in text.lines().enumerate() {
+        let content = line.split('#').next().unwrap_or_default();
+        if content.trim().is_empty() {
+            continue;
+        }
+        let fields = content.split(|c: char| c == ',' || c == ';' || c.is_whitespace());
+        let mut fields = fields.filter(|field| !field.is_empty());
+        let numbers = (fields.next().map(str::parse), fields.next().map(str::parse), fields.next());
+        let (Some(Ok(angle)), Some(Ok(value)), None) = numbers else {
+            return Err(Error::invalid(
+                at_line(number + 1),
+                format!(
+                    "`{}` is not two numbers",
+                    content.trim().chars().take(60).collect::<String>()
+                ),
+                "write an angle in degrees and a value in each line, separated by a comma; `#` begins a comment",
+            ));
+        };
+        rows.push((angle, value));
+        lines.push(number + 1);
+    }
+    Tabulated::new(&rows).map_err(|(row, source)| {
+        let line = row.and_then(|row| lines.get(row)).copied();
+        match source {
+            pileus_media::Error::Invalid { what, remedy } => {
+                Error::invalid(line.map_or_else(named, at_line), what, remedy)
+            }
+            other => Error::medium(line.map_or_else(named, at_line), other),
+        }
+    })
+}
