@@ -9,6 +9,7 @@ pub mod elementary;
 mod emission;
 mod error;
 mod field;
+pub mod flakes;
 mod grid;
 mod homogeneous;
 mod index_map;

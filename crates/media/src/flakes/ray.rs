@@ -1,0 +1,77 @@
+//! A ray through a medium of flakes.
+
+use super::Flakes;
+use crate::field::{ExactField, MajorantSegment, RayField};
+use crate::tally::Tally;
+use glam::{DVec3, Vec3};
+
+/// The ray field of a medium's density, times what its flakes show to the ray.
+#[derive(Debug, Clone)]
+pub struct FlakeRay<'a, F> {
+    density: F,
+    /// Bound of the factor along the ray.
+    bound: f32,
+    /// Of grids: the flakes, the ray's direction in the world, and its way through the medium's index space.
+    varying: Option<(&'a Flakes, Vec3, [DVec3; 2])>,
+}
+
+impl<'a, F> FlakeRay<'a, F> {
+    /// `index`: where the ray starts and its direction per world unit, in the medium's index space; needed for flakes by grid alone.
+    pub fn new(density: F, flakes: &'a Flakes, direction: Vec3, index: [DVec3; 2]) -> Self {
+        FlakeRay {
+            density,
+            bound: flakes.largest_area(direction),
+            varying: flakes.by_grid().then_some((flakes, direction, index)),
+        }
+    }
+
+    #[inline]
+    fn factor(&self, t: f32) -> f32 {
+        match &self.varying {
+            None => self.bound,
+            Some((flakes, direction, [p, d])) => {
+                flakes.projected_area(|| *p + *d * f64::from(t), *direction)
+            }
+        }
+    }
+}
+
+impl<F: RayField> RayField for FlakeRay<'_, F> {
+    #[inline]
+    fn next_segment(&mut self) -> Option<MajorantSegment> {
+        let segment = self.density.next_segment()?;
+        Some(MajorantSegment { majorant: segment.majorant * self.bound, ..segment })
+    }
+
+    fn minorant(&self) -> f32 {
+        if self.varying.is_some() { 0.0 } else { self.density.minorant() * self.bound }
+    }
+
+    #[inline]
+    fn sigma_t(&self, t: f32) -> f32 {
+        self.density.sigma_t(t) * self.factor(t)
+    }
+
+    fn sigma_t_anywhere(&self, t: f32) -> f32 {
+        self.density.sigma_t_anywhere(t) * self.factor(t)
+    }
+
+    fn steps(&self) -> u64 {
+        self.density.steps()
+    }
+}
+
+/// Exact where the flakes are the same everywhere. Of flakes by grid the largest factor stands for all: plans refuse exact methods there.
+impl<F: ExactField> ExactField for FlakeRay<'_, F> {
+    fn optical_depth(&self, tally: &mut Tally) -> f64 {
+        self.density.optical_depth(tally) * f64::from(self.bound)
+    }
+
+    fn t_at_depth(&self, depth: f64, tally: &mut Tally) -> Result<f32, f64> {
+        let bound = f64::from(self.bound);
+        if !(bound > 0.0) {
+            return Err(0.0);
+        }
+        self.density.t_at_depth(depth / bound, tally).map_err(|all| all * bound)
+    }
+}
