@@ -55,6 +55,7 @@ pub(crate) fn flat_phase(flat: &Flat<'_>, base: &Path) -> Result<Option<PhaseSpe
         ));
     }
     let missing = |key: &str| {
+        // Without `pileus_phase` the place is that of the node's properties.
         Error::invalid(
             flat.place("pileus_phase"),
             format!("the phase function `{name}` needs `{key}`"),
@@ -99,5 +100,79 @@ fn mean_cosine(flat: &Flat<'_>) -> Result<Option<CosineSpec>, Error> {
             "add `pileus_g_grid` with the name of a grid, or remove them",
         )),
         (g, None) => Ok(g.map(CosineSpec::Constant)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gltf::parse;
+
+    fn read(node: &str) -> Result<Option<PhaseSpec>, Error> {
+        let text = format!(
+            r#"{{"asset":{{"version":"2.0"}},"scenes":[{{"nodes":[0]}}],"nodes":[{node}]}}"#
+        );
+        let scene = parse("folder/a.gltf", text.as_bytes(), 683.0)?;
+        Ok(scene.volumes.first().and_then(|volume| volume.spec.phase.clone()))
+    }
+
+    /// Every type in the extension, in the object of `extras` and, but for mixtures, flat.
+    #[test]
+    fn all_ways_to_write_a_phase_function_say_the_same() {
+        for (object, flat) in [
+            (r#"{"type":"isotropic"}"#, r#""pileus_phase":"isotropic""#),
+            (r#"{"type":"henyey_greenstein","g":0.3}"#, r#""pileus_g":0.3"#),
+            (
+                r#"{"type":"henyey_greenstein","g":{"grid":"a","scale":2,"offset":-1}}"#,
+                r#""pileus_g_grid":"a","pileus_g_scale":2,"pileus_g_offset":-1"#,
+            ),
+            (
+                r#"{"type":"two_lobe","g_forward":0.9,"g_backward":-0.3,"weight_forward":0.8}"#,
+                r#""pileus_g_forward":0.9,"pileus_g_backward":-0.3,"pileus_weight_forward":0.8"#,
+            ),
+            (r#"{"type":"rayleigh"}"#, r#""pileus_phase":"rayleigh""#),
+            (
+                r#"{"type":"draine","g":0.5,"alpha":3}"#,
+                r#""pileus_phase":"draine","pileus_g":0.5,"pileus_alpha":3"#,
+            ),
+            (r#"{"type":"mie","droplet_diameter":12}"#, r#""pileus_droplet_diameter":12"#),
+            (r#"{"type":"tabulated","file":"a b.csv"}"#, r#""pileus_phase_file":"a b.csv""#),
+        ] {
+            let uri = object.replace("a b", "a%20b");
+            let extension =
+                format!(r#"{{"extensions":{{"PILEUS_volume":{{"vdb":"a","phase":{uri}}}}}}}"#);
+            let nested =
+                format!(r#"{{"extras":{{"pileus_volume":{{"vdb":"a","phase":{object}}}}}}}"#);
+            let flat = format!(r#"{{"extras":{{"pileus_vdb":"a",{flat}}}}}"#);
+            let [a, b, c] = [extension, nested, flat].map(|node| read(&node).unwrap());
+            assert!(a.is_some() && a == b && a == c, "{a:?} {b:?} {c:?}");
+            for file in a.unwrap().files() {
+                assert_eq!(Path::new(file), Path::new("folder/a b.csv"));
+            }
+        }
+        let mixture = r#"{"extensions":{"PILEUS_volume":{"vdb":"a","phase":{"type":"mixture",
+            "lobes":[{"weight":1,"phase":{"type":"tabulated","file":"t.csv"}}]}}}}"#;
+        let mixture = read(mixture).unwrap().unwrap();
+        assert_eq!(mixture.files().len(), 1);
+        assert_eq!(Path::new(mixture.files()[0]), Path::new("folder/t.csv"));
+    }
+
+    #[test]
+    fn wrong_properties_are_placed() {
+        for (flat, key, remedy) in [
+            (r#""pileus_phase":"mei""#, "pileus_phase", "did you mean `mie`?"),
+            (r#""pileus_phase":"mie""#, "pileus_phase", "pileus_droplet_diameter"),
+            (r#""pileus_phase":"mie","pileus_g":0.1"#, "pileus_g", "another type"),
+            (r#""pileus_alpha":3"#, "pileus_phase", "`pileus_g`"),
+            (r#""pileus_g_scale":3"#, "pileus_g_scale", "pileus_g_grid"),
+            (r#""pileus_g":0,"pileus_g_grid":"g""#, "pileus_g_grid", "keep one"),
+            (r#""pileus_g":0,"pileus_droplet_diameter":3"#, "pileus_droplet_diameter", "remove it"),
+            (r#""pileus_droplet_diameter":"x""#, "pileus_droplet_diameter", "a number"),
+        ] {
+            let error = read(&format!(r#"{{"extras":{{"pileus_vdb":"a",{flat}}}}}"#)).unwrap_err();
+            let part = error.place().part.clone().unwrap_or_default();
+            assert!(part == format!("/nodes/0/extras/{key}"), "{flat}: {error} at {part}");
+            assert!(error.remedy().contains(remedy), "{flat}: {}", error.remedy());
+        }
     }
 }

@@ -147,3 +147,107 @@ fn read_table(path: &Path, asked_at: &Place) -> Result<Tabulated, Error> {
         }
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::json;
+
+    fn load(text: &str) -> Result<Phase, Error> {
+        let spec: PhaseSpec = json::parse(text).unwrap();
+        phase(Some(&spec), &|key| Place::part("a.json", key))
+    }
+
+    #[test]
+    fn every_law_is_loaded() {
+        for (text, described) in [
+            (r#"{"type":"isotropic"}"#, "isotropic"),
+            (r#"{"type":"henyey_greenstein","g":0}"#, "isotropic"),
+            (r#"{"type":"henyey_greenstein","g":-0.999}"#, "henyey_greenstein g -0.999"),
+            (
+                r#"{"type":"two_lobe","g_forward":0.9,"g_backward":-0.3,"weight_forward":0.75}"#,
+                "mixture of 0.7500 henyey_greenstein g 0.9, 0.2500 henyey_greenstein g -0.3",
+            ),
+            (
+                r#"{"type":"two_lobe","g_forward":0.9,"g_backward":-0.3,"weight_forward":1}"#,
+                "henyey_greenstein g 0.9",
+            ),
+            (r#"{"type":"rayleigh"}"#, "rayleigh"),
+            (r#"{"type":"draine","g":0.5,"alpha":3}"#, "draine g 0.5 alpha 3"),
+            (
+                r#"{"type":"mixture","lobes":[{"weight":1,"phase":{"type":"rayleigh"}},
+                    {"weight":3,"phase":{"type":"isotropic"}}]}"#,
+                "mixture of 0.2500 rayleigh, 0.7500 isotropic",
+            ),
+        ] {
+            assert_eq!(load(text).unwrap().to_string(), described);
+        }
+        let mie = load(r#"{"type":"mie","droplet_diameter":10}"#).unwrap().to_string();
+        assert!(mie.starts_with("mixture of 0.5") && mie.contains("draine"), "{mie}");
+    }
+
+    #[test]
+    fn values_out_of_range_are_placed() {
+        for (text, key) in [
+            (r#"{"type":"henyey_greenstein","g":1}"#, "/phase/g"),
+            (r#"{"type":"henyey_greenstein","g":-0.9999}"#, "/phase/g"),
+            (r#"{"type":"henyey_greenstein","g":{"grid":"a"}}"#, "/phase/g"),
+            (
+                r#"{"type":"two_lobe","g_forward":0.9,"g_backward":-1.3,"weight_forward":1}"#,
+                "/phase/g_backward",
+            ),
+            (
+                r#"{"type":"two_lobe","g_forward":0.9,"g_backward":0,"weight_forward":-0.1}"#,
+                "/phase/weight_forward",
+            ),
+            (r#"{"type":"draine","g":2,"alpha":0}"#, "/phase/g"),
+            (r#"{"type":"draine","g":0,"alpha":1e9}"#, "/phase/alpha"),
+            (r#"{"type":"mie","droplet_diameter":0}"#, "/phase/droplet_diameter"),
+            (r#"{"type":"mixture","lobes":[]}"#, "/phase/lobes"),
+            (
+                r#"{"type":"mixture","lobes":[{"weight":1,"phase":{"type":"draine","g":0,"alpha":-1}}]}"#,
+                "/phase/lobes/0/phase/alpha",
+            ),
+            (
+                r#"{"type":"mixture","lobes":[{"weight":-1,"phase":{"type":"rayleigh"}}]}"#,
+                "/phase/lobes/0/weight",
+            ),
+        ] {
+            let error = load(text).unwrap_err();
+            assert_eq!(error.place().part.as_deref(), Some(key), "{text}: {error}");
+        }
+    }
+
+    #[test]
+    fn tables_are_read_or_their_lines_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("t.csv");
+        let read = |text: &[u8]| {
+            std::fs::write(&path, text).unwrap();
+            read_table(&path, &Place::part("a.json", "/phase/file"))
+        };
+        let table = read(b"# comment\r\n\r\n0, 2 # peak\r\n90;1\n180\t1e-3\n").unwrap();
+        assert_eq!(table.rows(), 3);
+        assert!(table.mean_cosine() > 0.0);
+        for (text, line) in [
+            (&b"0,1\n90\n180,1"[..], Some(2)),
+            (b"0,1\n90,1,1\n180,1", Some(2)),
+            (b"angle,value\n0,1\n180,1", Some(1)),
+            (b"# a\n0,1\n180,-1", Some(3)),
+            (b"0,1\n\n95,1\n90,1\n180,1", Some(4)),
+            (b"0,1\n170,1", Some(2)),
+            (b"0,1\nnan,1\n180,1", Some(2)),
+            (b"0,1\n180,inf", Some(2)),
+            (b"0,0\n180,0", None),
+            (b"", None),
+            (b"\xff\xfe", None),
+        ] {
+            let error = read(text).unwrap_err();
+            assert_eq!(error.place().line, line, "{}: {error}", String::from_utf8_lossy(text));
+            assert_eq!(error.place().file.as_deref(), Some(path.as_path()));
+            assert!(!error.remedy().is_empty());
+        }
+        let error = read_table(&folder.path().join("none"), &Place::default()).unwrap_err();
+        assert!(matches!(error, Error::Io { .. }));
+    }
+}

@@ -8,7 +8,7 @@ case (m = 1.55, x = 5.2128: Q_ext = 3.10543, Q_sca = 3.10543, Q_back = 2.92534) 
 Water: m = 1.33, no absorption. Wavelengths: 400 to 700 nm, weighted equally, each by its scattering cross-section.
 Droplets: gamma distribution n(r) ~ r^((1-3b)/b) exp(-r/(ab)) of Hansen and Travis 1974 with effective radius a and effective variance b.
 
-    python3 mie.py            writes mie_water.csv beside this file and scenes/phase/*.csv
+    python3 mie.py            writes mie_water.csv beside this file, scenes/phase/*.csv and the figure of the book
 """
 import math
 import pathlib
@@ -124,6 +124,43 @@ def write(path, degrees, values, diameter, g):
             out.write(f"{angle:g},{value:.5e}\n")
 
 
+def fit(d, degrees):
+    """Jendersie and d'Eon 2023 for 5 to 50 micrometres."""
+    g_hg = math.exp(-0.0990567 / (d - 1.67154))
+    g_d = math.exp(-2.20679 / (d + 3.91029) - 0.428934)
+    alpha = math.exp(3.62489 - 8.29288 / (d + 5.52825))
+    w_d = math.exp(-0.599085 / (d - 0.641583) - 0.665888)
+    c = np.cos(np.radians(degrees))
+    x = 2 * np.sin(np.radians(degrees) / 2) ** 2
+    hg = lambda g: (1 - g * g) / (4 * math.pi * ((1 - g) ** 2 + 2 * g * x) ** 1.5)
+    return (1 - w_d) * hg(g_hg) + w_d * hg(g_d) * (1 + alpha * c * c) / (1 + alpha * (1 + 2 * g_d * g_d) / 3)
+
+
+def figure(path, degrees, curves):
+    """Three panels, one per diameter: Mie (solid) and fit (dashed), logarithmic."""
+    width, height, left, top, low, high = 300, 260, 52, 34, -3.0, 3.0
+    out = [f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {3 * (width + left) + 12} {height + 84}" font-family="sans-serif" font-size="12">',
+           '<rect width="100%" height="100%" fill="white"/>']
+    for panel, (diameter, mie) in enumerate(curves):
+        x0 = left + panel * (width + left)
+        px = lambda a: x0 + a / 180 * width
+        py = lambda v: top + (high - np.clip(np.log10(v), low, high)) / (high - low) * height
+        out.append(f'<text x="{x0 + width / 2}" y="{top - 12}" text-anchor="middle">{diameter:g} \u00b5m</text>')
+        for power in range(int(low), int(high) + 1):
+            y = py(10.0**power)
+            out.append(f'<line x1="{x0}" x2="{x0 + width}" y1="{y:.1f}" y2="{y:.1f}" stroke="#ddd"/><text x="{x0 - 6}" y="{y + 4:.1f}" text-anchor="end">1e{power}</text>')
+        for angle in range(0, 181, 30):
+            out.append(f'<line x1="{px(angle):.1f}" x2="{px(angle):.1f}" y1="{top}" y2="{top + height}" stroke="#ddd"/><text x="{px(angle):.1f}" y="{top + height + 16}" text-anchor="middle">{angle}</text>')
+        for values, style in [(mie, 'stroke="#1f5fa8"'), (fit(diameter, degrees), 'stroke="#c04a1c" stroke-dasharray="6 4"')]:
+            points = " ".join(f"{px(a):.1f},{py(v):.1f}" for a, v in zip(degrees, values))
+            out.append(f'<polyline points="{points}" fill="none" stroke-width="1.6" {style}/>')
+    y = top + height + 40
+    out.append(f'<text x="{left}" y="{y}">scattering angle in degrees; phase function in 1/sr</text>')
+    out.append(f'<line x1="{left}" x2="{left + 30}" y1="{y + 20}" y2="{y + 20}" stroke="#1f5fa8" stroke-width="1.6"/><text x="{left + 36}" y="{y + 24}">Mie theory</text>')
+    out.append(f'<line x1="{left + 130}" x2="{left + 160}" y1="{y + 20}" y2="{y + 20}" stroke="#c04a1c" stroke-width="1.6" stroke-dasharray="6 4"/><text x="{left + 166}" y="{y + 24}">fit</text></svg>')
+    path.write_text("\n".join(out) + "\n", encoding="utf-8")
+
+
 def main():
     check()
     degrees = grid()
@@ -137,6 +174,7 @@ def main():
         rows[diameter] = (values, g)
         if diameter in (10.0, 20.0):
             write(ROOT / "scenes" / "phase" / f"water_{diameter:g}um.csv", degrees, values, diameter, g)
+    figure(ROOT / "docs/book/src/images/phase-mie.svg", degrees, [(d, rows[d][0]) for d in (5.0, 10.0, 20.0)])
     with open(HERE / "mie_water.csv", "w") as out:
         out.write("# Phase functions of water droplets, 1/sr, made by mie.py: see there. First rows: effective diameter in micrometres, mean cosine.\n")
         out.write("diameter," + ",".join(f"{d:g}" for d in rows) + "\n")

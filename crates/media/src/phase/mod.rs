@@ -72,6 +72,18 @@ impl Phase {
         match self {
             Phase::Isotropic => PhaseAt::Isotropic,
             Phase::HenyeyGreenstein { g } => PhaseAt::HenyeyGreenstein { g: *g },
+            // Two comparisons and a jump for all others.
+            _ => self.at_other(p_index),
+        }
+    }
+
+    /// The rest, out of the way of kernels that need none of it.
+    #[cold]
+    #[inline(never)]
+    fn at_other(&self, p_index: impl FnOnce() -> DVec3) -> PhaseAt<'_> {
+        match self {
+            Phase::Isotropic => PhaseAt::Isotropic,
+            Phase::HenyeyGreenstein { g } => PhaseAt::HenyeyGreenstein { g: *g },
             Phase::ByGrid(grid) => PhaseAt::HenyeyGreenstein { g: grid.at_index(p_index()) },
             Phase::Mixture(mixture) => PhaseAt::Mixture(mixture),
         }
@@ -95,13 +107,14 @@ impl fmt::Display for Phase {
 /// The phase function at a point. Directions are unit vectors of propagation, before (`incoming`) and after (`wi`) the scattering.
 #[derive(Debug, Clone, Copy)]
 pub enum PhaseAt<'a> {
-    /// Equal in all directions.
-    Isotropic,
+    // First, since that is what most clouds ask for: one comparison.
     /// Henyey-Greenstein.
     HenyeyGreenstein {
         /// Mean cosine in [-0.999, 0.999].
         g: f32,
     },
+    /// Equal in all directions.
+    Isotropic,
     /// Any sum of lobes.
     Mixture(&'a Mixture),
 }
@@ -166,12 +179,14 @@ impl PhaseAt<'_> {
 }
 
 /// Out of line, as its sibling: kernels of clouds by Henyey-Greenstein hold none of it.
+#[cold]
 #[inline(never)]
 fn eval_mixture(mixture: &Mixture, incoming: Vec3, wi: Vec3) -> f32 {
     mixture.eval(Cosine::between(incoming, wi))
 }
 
 /// Cosine, sine and density.
+#[cold]
 #[inline(never)]
 fn sample_mixture(mixture: &Mixture, u: f32) -> (f32, f32, f32) {
     let cosine = mixture.sample(u);

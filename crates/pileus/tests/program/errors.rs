@@ -71,6 +71,12 @@ fn values_out_of_range_are_placed() {
         ("/volumes/0/albedo", serde_json::json!(1.5)),
         ("/volumes/0/extinction", serde_json::json!([1, -1, 1])),
         ("/volumes/0/phase", serde_json::json!({"type": "henyey_greenstein", "g": 1})),
+        ("/volumes/0/phase", serde_json::json!({"type": "draine", "g": 0.5, "alpha": -1})),
+        ("/volumes/0/phase", serde_json::json!({"type": "mie", "droplet": 10})),
+        (
+            "/volumes/0/phase",
+            serde_json::json!({"type": "mixture", "lobes": [{"weight": -1, "phase": {"type": "rayleigh"}}]}),
+        ),
         ("/volumes/0/transform", serde_json::json!({"scale": [1, 0, 1]})),
         ("/volumes/0/density/scale", serde_json::json!(-1)),
         ("/volumes/0/density/grid", serde_json::json!("smoke")),
