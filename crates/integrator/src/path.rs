@@ -364,7 +364,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         let Some(choice) = self.lights.choose(at.p, |wi| at.vertex.eval(wi).1, u[0]) else {
             return Vec3::ZERO;
         };
-        let direction = if MIS || self.lights.len() > 1 {
+        let direction = if MIS || self.lights.len() > 1 || self.lights.many_positions() {
             [uniform(sampler), uniform(sampler)]
         } else {
             [0.0; 2]
@@ -403,7 +403,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         }
         if EQUIANGULAR
             && at.flight.in_medium
-            && let Some(position) = self.lights.position(choice.index)
+            && let Some(position) = light.position
             && let Some(part) = at.flight.part
         {
             let t = (at.p - at.flight.ray.origin).length();
@@ -427,7 +427,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         };
         let share = points.received() / self.received_from_all(ray, part);
         let pdf = share * points.pdf(t);
-        let flights = self.typical_sigma_t * (-self.typical_sigma_t * (t - part.0)).exp();
+        let flights = self.typical_sigma_t * libm::exp(-self.typical_sigma_t * (t - part.0));
         if pdf > 0.0 { pdf / (pdf + flights) } else { 0.0 }
     }
 
@@ -470,7 +470,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         let weight = self.equiangular_weight(ray, part, light, t);
         let pdf = points.received() / total * points.pdf(t);
         let p = ray.at(t);
-        let Some(sample) = self.lights.sample(index, p, [0.0; 2], sampler) else {
+        let Some(sample) = self.lights.sample_position(index, p) else {
             return Vec3::ZERO;
         };
         let mut scattered = Vec3::ZERO;
