@@ -51,6 +51,8 @@ pub(crate) struct Kernel<'a, M, W> {
     pub(crate) typical_sigma_t: f64,
     /// Whether flights end with the density of the medium and carry no weight, so that fire up to there may be counted as it is.
     pub(crate) analog_flights: bool,
+    /// The bodies that the camera is in.
+    pub(crate) inside: Inside,
 }
 
 /// Where the last flight began, for the weights of light it may run into.
@@ -88,7 +90,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         let mut first =
             Some(pileus_media::random::exponential_from((first * 4_294_967_296.0) as u32));
         let mut last: Option<Last<W::Vertex>> = None;
-        let mut inside = Inside::new();
+        let mut inside = if W::WHOLE { self.inside.clone() } else { Inside::new() };
         loop {
             let hit = self.world.intersect(&ray, sampler);
             let t_surface = hit.as_ref().map_or(f64::INFINITY, |hit| hit.t);
@@ -221,11 +223,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
                     let Some(sample) = bsdf.sample(-ray.direction, u) else { break };
                     beta *= sample.weight;
                     if sample.transmitted && !interaction.parameters.thin_walled {
-                        if interaction.front_face {
-                            inside.push(interaction.interior.unwrap_or(interior::CLEAR));
-                        } else {
-                            inside.pop();
-                        }
+                        inside.cross(interaction);
                     }
                     (sample.wi, sample.pdf)
                 }

@@ -2,6 +2,7 @@
 
 use crate::counters::Counters;
 use crate::error::Error;
+use crate::interior::Inside;
 use crate::lights::Lights;
 use crate::media::{
     AnyStructure, DefaultStructure, Media, Overlapping, Ray, SingleGrey, Structures,
@@ -155,7 +156,10 @@ fn dispatch<J: Job>(
     let (environment, analog_flights) = (&scene.environment, plan.analog_flights);
     if plan.kernel == KernelKind::Whole {
         let fires: Vec<_> = scene.fires().cloned().collect();
-        let world = Whole { surfaces: scene.surfaces.as_deref(), fires: &fires };
+        let surfaces = scene.surfaces.as_deref();
+        let world = Whole { surfaces, fires: &fires };
+        let camera = scene.camera.position();
+        let inside = surfaces.map_or_else(Inside::new, |s| Inside::around(s, camera));
         let kernel = Kernel {
             media,
             world,
@@ -164,6 +168,7 @@ fn dispatch<J: Job>(
             max_bounces,
             typical_sigma_t,
             analog_flights,
+            inside,
         };
         return if plan.equiangular {
             job.run::<_, _, true, true>(&kernel)
@@ -171,9 +176,16 @@ fn dispatch<J: Job>(
             job.run::<_, _, true, false>(&kernel)
         };
     }
-    let world = MediaAlone;
-    let kernel =
-        Kernel { media, world, lights, environment, max_bounces, typical_sigma_t, analog_flights };
+    let kernel = Kernel {
+        media,
+        world: MediaAlone,
+        lights,
+        environment,
+        max_bounces,
+        typical_sigma_t,
+        analog_flights,
+        inside: Inside::new(),
+    };
     run_planned(plan, job, &kernel)
 }
 
@@ -208,6 +220,7 @@ impl<J: Job, S: Structures> VoxelKernel for On<Single<'_, J>, S> {
             max_bounces,
             typical_sigma_t,
             analog_flights: plan.analog_flights,
+            inside: Inside::new(),
         };
         run_planned(plan, job, &kernel)
     }
