@@ -202,6 +202,9 @@ impl Plan {
         if let Some(n) = settings.max_bounces {
             biased.push(format!("max_bounces {n}: longer paths are cut"));
         }
+        if let Some(most) = settings.clamp {
+            biased.push(format!("clamp {most}: brighter samples are darkened"));
+        }
         let mut plan = Plan {
             kernel,
             predicted: None,

@@ -12,7 +12,8 @@ use crate::plan::{KernelKind, Plan};
 use crate::sampler::PathSampler;
 use crate::settings::RenderSettings;
 use crate::thickness::typical_sigma_t;
-use crate::world::{MediaAlone, Whole, World};
+use crate::world::{MediaAlone, Whole, World, luminance};
+use glam::Vec3;
 use pileus_film::{Film, PixelSample, Tile};
 use pileus_media::{GridMedium, MajorantStructure, Medium, Voxel, VoxelKernel};
 use pileus_scene::Scene;
@@ -242,7 +243,17 @@ fn trace<M: Media, W: World, const MIS: bool, const EQUIANGULAR: bool>(
     let film =
         [f64::from(x) + 0.5 + f64::from(offset[0]), f64::from(y) + 0.5 + f64::from(offset[1])];
     let (origin, direction) = scene.camera.ray(film);
-    kernel.trace::<MIS, EQUIANGULAR>(Ray { origin, direction }, &mut sampler, first, counters)
+    let mut value =
+        kernel.trace::<MIS, EQUIANGULAR>(Ray { origin, direction }, &mut sampler, first, counters);
+    if let Some(most) = settings.clamp {
+        let rgb = Vec3::from_array(value.rgb);
+        let found = luminance(rgb);
+        if found > most {
+            value.rgb = (rgb * (most / found)).to_array();
+            counters.clamped += 1;
+        }
+    }
+    value
 }
 
 struct Run<'a> {
