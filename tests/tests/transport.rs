@@ -561,3 +561,34 @@ fn endless_fog_that_is_clear_in_one_channel() {
     let image = rendered(&scene, &settings(256, 5));
     assert_expected("endless fog", &image, |_, _| [0.0, 0.0, 0.7]);
 }
+
+/// `clamp` bounds every sample's luminance, keeps its colour, is counted and named as a bias, and leaves all darker samples as they are.
+#[test]
+fn clamped_samples_are_bounded_and_confessed() {
+    let medium = lumpy_grid(1.0, [3.0; 3], [1.0, 0.9, 0.7], hg(0.9));
+    let mut scene = scene(vec![medium], EYE, DVec3::ZERO, 24.0);
+    scene.environment.constant = Vec3::splat(0.05);
+    scene.lights.push(sun(Vec3::new(0.3, 0.2, -1.0), Vec3::splat(5.0), 0.0));
+    let luminance = |image: &pileus_film::Image, x, y| {
+        let [r, g, b] = ["R", "G", "B"].map(|c| image.get(c, x, y).unwrap());
+        (0.2126 * r + 0.7152 * g + 0.0722 * b, r / g)
+    };
+    let most = 0.8;
+    let free = rendered(&scene, &settings(1, 3));
+    let limited = RenderSettings { clamp: Some(most), ..settings(1, 3) };
+    let clamped = rendered(&scene, &limited);
+    let mut met = 0;
+    for (x, y) in (0..64).flat_map(|y| (0..64).map(move |x| (x, y))) {
+        let ((before, hue), (after, same_hue)) =
+            (luminance(&free.image, x, y), luminance(&clamped.image, x, y));
+        if before > most {
+            met += 1;
+            assert!((after - most).abs() < 1e-5 && (hue - same_hue).abs() < 1e-4 * hue);
+        } else {
+            assert_eq!(before, after);
+        }
+    }
+    assert!(met > 20, "{met}");
+    assert_eq!((clamped.counters.clamped, free.counters.clamped), (met, 0));
+    assert!(Plan::new(&scene, &limited).unwrap().biased[0].contains("clamp"));
+}

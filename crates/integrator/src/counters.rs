@@ -23,6 +23,8 @@ pub struct Counters {
     pub null_collisions: u64,
     /// Lookups above their majorant: zero unless a bound is wrong.
     pub violations: u64,
+    /// Samples that `clamp` scaled down.
+    pub clamped: u64,
     /// Samples that were not finite and are missing from their pixel's mean.
     pub dropped: u64,
 }
@@ -39,6 +41,7 @@ impl Counters {
         self.collisions += other.collisions;
         self.null_collisions += other.null_collisions;
         self.violations += other.violations;
+        self.clamped += other.clamped;
         self.dropped += other.dropped;
     }
 

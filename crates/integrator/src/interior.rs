@@ -1,20 +1,110 @@
 //! Homogeneous media inside closed surfaces: what `KHR_materials_volume` and `KHR_materials_volume_scatter` describe.
 //!
-//! A path remembers the bodies it is in; the innermost one counts. Distances are drawn for one channel, chosen by throughput, and weighted by the balance
+//! A path remembers the bodies it is in; the one entered last counts, and each is forgotten when its own surface is left, so that bodies may be nested or overlap. Distances are drawn for one channel, chosen by throughput, and weighted by the balance
 //! heuristic over channels [Miller et al. 2019, section 5.3]: no channel's weight exceeds the number of channels.
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use pileus_media::elementary::exp;
 use pileus_media::random::{exponential, uniform};
-use pileus_scene::Interior;
+use pileus_scene::{Interaction, Interior, Surfaces};
 use rand_core::Rng;
+use rand_pcg::Pcg32;
 use smallvec::SmallVec;
 
-/// The bodies that a path is in, the innermost last.
-pub(crate) type Inside = SmallVec<[Interior; 2]>;
+/// The bodies that a path is in: instances and what fills them, the one entered last at the end.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Inside(SmallVec<[(u32, Interior); 2]>);
 
 /// A body without a medium of its own.
-pub(crate) const CLEAR: Interior = Interior { sigma_a: Vec3::ZERO, sigma_s: Vec3::ZERO, g: 0.0 };
+const CLEAR: Interior = Interior { sigma_a: Vec3::ZERO, sigma_s: Vec3::ZERO, g: 0.0 };
+
+/// Crossings after which a search for the bodies around a point gives up.
+const MOST_CROSSINGS: usize = 4096;
+
+impl Inside {
+    /// No body.
+    pub(crate) fn new() -> Inside {
+        Inside::default()
+    }
+
+    /// The bodies around a point: those that a ray leaves without having entered them. Of three rays two have to agree, so that meshes which are not closed
+    /// and rays along edges do not count.
+    pub(crate) fn around(surfaces: &Surfaces, p: DVec3) -> Inside {
+        let [a, b, c] =
+            [Vec3::new(0.36, 0.48, 0.8), Vec3::new(-0.8, 0.36, -0.48), Vec3::new(0.48, -0.8, 0.36)]
+                .map(|direction| Inside::left_by(surfaces, p, direction));
+        let instances = |inside: &Inside| {
+            let mut instances: SmallVec<[u32; 2]> = inside.0.iter().map(|body| body.0).collect();
+            instances.sort_unstable();
+            instances
+        };
+        if instances(&a) == instances(&b) || instances(&a) == instances(&c) {
+            a
+        } else if instances(&b) == instances(&c) {
+            b
+        } else {
+            Inside::new()
+        }
+    }
+
+    fn left_by(surfaces: &Surfaces, p: DVec3, direction: Vec3) -> Inside {
+        let mut rng = Pcg32::new(0, 0);
+        let (mut left, mut entered) = (Inside::new(), SmallVec::<[u32; 4]>::new());
+        let mut origin = p;
+        for _ in 0..MOST_CROSSINGS {
+            let Some(hit) = surfaces.intersect(origin, direction, f64::INFINITY, &mut rng) else {
+                break;
+            };
+            let interaction = surfaces.interaction(&hit, direction);
+            origin = interaction.spawn(direction);
+            if interaction.parameters.thin_walled || interaction.parameters.transmission == 0.0 {
+                continue;
+            }
+            if interaction.front_face {
+                entered.push(hit.instance);
+            } else if let Some(i) = entered.iter().rposition(|entered| *entered == hit.instance) {
+                entered.remove(i);
+            } else {
+                left.0.push((hit.instance, interaction.interior.unwrap_or(CLEAR)));
+            }
+        }
+        // The body that is left first was entered last.
+        left.0.reverse();
+        left
+    }
+
+    pub(crate) fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// What fills the body entered last.
+    pub(crate) fn last(&self) -> Option<&Interior> {
+        self.0.last().map(|body| &body.1)
+    }
+
+    /// Crosses the surface of a body to its other side.
+    pub(crate) fn cross(&mut self, surface: &Interaction) {
+        if surface.front_face {
+            self.0.push((surface.instance, surface.interior.unwrap_or(CLEAR)));
+        } else if let Some(i) = self.position(surface.instance) {
+            self.0.remove(i);
+        }
+    }
+
+    /// What lies on the other side of a body's surface.
+    pub(crate) fn across<'a>(&'a self, surface: &'a Interaction) -> Option<&'a Interior> {
+        if surface.front_face {
+            return surface.interior.as_ref();
+        }
+        let left = self.position(surface.instance);
+        let stays = |&(i, _): &(usize, _)| Some(i) != left;
+        self.0.iter().enumerate().rev().find(stays).map(|(_, body)| &body.1)
+    }
+
+    fn position(&self, instance: u32) -> Option<usize> {
+        self.0.iter().rposition(|body| body.0 == instance)
+    }
+}
 
 /// Extinction per channel, 1/length.
 fn sigma_t(interior: &Interior) -> Vec3 {

@@ -51,6 +51,8 @@ pub(crate) struct Kernel<'a, M, W> {
     pub(crate) typical_sigma_t: f64,
     /// Whether flights end with the density of the medium and carry no weight, so that fire up to there may be counted as it is.
     pub(crate) analog_flights: bool,
+    /// The bodies that the camera is in.
+    pub(crate) inside: Inside,
 }
 
 /// Where the last flight began, for the weights of light it may run into.
@@ -88,7 +90,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         let mut first =
             Some(pileus_media::random::exponential_from((first * 4_294_967_296.0) as u32));
         let mut last: Option<Last<W::Vertex<'_>>> = None;
-        let mut inside = Inside::new();
+        let mut inside = if W::WHOLE { self.inside.clone() } else { Inside::new() };
         loop {
             let hit = self.world.intersect(&ray, sampler);
             let t_surface = hit.as_ref().map_or(f64::INFINITY, |hit| hit.t);
@@ -221,11 +223,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
                     let Some(sample) = bsdf.sample(-ray.direction, u) else { break };
                     beta *= sample.weight;
                     if sample.transmitted && !interaction.parameters.thin_walled {
-                        if interaction.front_face {
-                            inside.push(interaction.interior.unwrap_or(interior::CLEAR));
-                        } else {
-                            inside.pop();
-                        }
+                        inside.cross(interaction);
                     }
                     (sample.wi, sample.pdf)
                 }
@@ -364,7 +362,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         let Some(choice) = self.lights.choose(at.p, |wi| at.vertex.eval(wi).1, u[0]) else {
             return Vec3::ZERO;
         };
-        let direction = if MIS || self.lights.len() > 1 {
+        let direction = if MIS || self.lights.len() > 1 || self.lights.many_positions() {
             [uniform(sampler), uniform(sampler)]
         } else {
             [0.0; 2]
@@ -403,7 +401,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         }
         if EQUIANGULAR
             && at.flight.in_medium
-            && let Some(position) = self.lights.position(choice.index)
+            && let Some(position) = light.position
             && let Some(part) = at.flight.part
         {
             let t = (at.p - at.flight.ray.origin).length();
@@ -427,7 +425,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         };
         let share = points.received() / self.received_from_all(ray, part);
         let pdf = share * points.pdf(t);
-        let flights = self.typical_sigma_t * (-self.typical_sigma_t * (t - part.0)).exp();
+        let flights = self.typical_sigma_t * libm::exp(-self.typical_sigma_t * (t - part.0));
         if pdf > 0.0 { pdf / (pdf + flights) } else { 0.0 }
     }
 
@@ -470,7 +468,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         let weight = self.equiangular_weight(ray, part, light, t);
         let pdf = points.received() / total * points.pdf(t);
         let p = ray.at(t);
-        let Some(sample) = self.lights.sample(index, p, [0.0; 2], sampler) else {
+        let Some(sample) = self.lights.sample_position(index, p) else {
             return Vec3::ZERO;
         };
         let mut scattered = Vec3::ZERO;

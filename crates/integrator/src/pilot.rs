@@ -5,6 +5,7 @@
 
 use crate::Error;
 use crate::counters::Counters;
+use crate::interior::Inside;
 use crate::lights::Lights;
 use crate::media::{Collision, Flown, Media, MediaIndex, Overlapping, Ray, Shadow};
 use crate::path::Kernel;
@@ -123,6 +124,7 @@ impl Pilot {
                     max_bounces: settings.max_bounces.unwrap_or(u32::MAX),
                     typical_sigma_t: 1.0,
                     analog_flights: plan.analog_flights,
+                    inside: Inside::new(),
                 };
                 // A lattice of rank one covers the picture evenly whatever the number of paths.
                 let at = |step: f64, n: u32| (f64::from(i) * step).fract() * f64::from(n);

@@ -167,7 +167,7 @@ impl Plan {
         } else {
             reasons.push(format!(
                 "{} lights ({suns} distant) can be met by shadow rays only: no weights are needed",
-                lights.len()
+                lights.count()
             ));
         }
         if scene.environment.constant.max_element() > 0.0 {
@@ -202,6 +202,9 @@ impl Plan {
         if let Some(n) = settings.max_bounces {
             biased.push(format!("max_bounces {n}: longer paths are cut"));
         }
+        if let Some(most) = settings.clamp {
+            biased.push(format!("clamp {most}: brighter samples are darkened"));
+        }
         let mut plan = Plan {
             kernel,
             predicted: None,
@@ -228,7 +231,7 @@ impl Plan {
             majorant_scale: settings.majorant_scale,
             biased,
             majorants: settings.majorants.name(),
-            shadow_ray_lights: lights.len(),
+            shadow_ray_lights: lights.count(),
             max_bounces: settings.max_bounces,
             volumes,
             reasons,
@@ -276,6 +279,12 @@ fn choose_equiangular(
                     .into(),
             );
         }
+        return false;
+    }
+    if lights.many_positions() && !asked {
+        reasons.push(
+            "no equiangular points: too many point and spot lights to ask at every flight".into(),
+        );
         return false;
     }
     let depth = typical_depth(scene);

@@ -2,6 +2,7 @@
 
 use crate::counters::Counters;
 use crate::error::Error;
+use crate::interior::Inside;
 use crate::lights::Lights;
 use crate::media::{
     AnyStructure, DefaultStructure, Media, Overlapping, Ray, SingleGrey, Structures,
@@ -11,7 +12,8 @@ use crate::plan::{KernelKind, Plan};
 use crate::sampler::PathSampler;
 use crate::settings::RenderSettings;
 use crate::thickness::typical_sigma_t;
-use crate::world::{MediaAlone, Whole, World};
+use crate::world::{MediaAlone, Whole, World, luminance};
+use glam::Vec3;
 use pileus_film::{Film, PixelSample, Tile};
 use pileus_media::{GridMedium, MajorantStructure, Medium, Voxel, VoxelKernel};
 use pileus_scene::Scene;
@@ -155,7 +157,10 @@ fn dispatch<J: Job>(
     let (environment, analog_flights) = (&scene.environment, plan.analog_flights);
     if plan.kernel == KernelKind::Whole {
         let fires: Vec<_> = scene.fires().cloned().collect();
-        let world = Whole { surfaces: scene.surfaces.as_deref(), fires: &fires };
+        let surfaces = scene.surfaces.as_deref();
+        let world = Whole { surfaces, fires: &fires };
+        let camera = scene.camera.position();
+        let inside = surfaces.map_or_else(Inside::new, |s| Inside::around(s, camera));
         let kernel = Kernel {
             media,
             world,
@@ -164,6 +169,7 @@ fn dispatch<J: Job>(
             max_bounces,
             typical_sigma_t,
             analog_flights,
+            inside,
         };
         return if plan.equiangular {
             job.run::<_, _, true, true>(&kernel)
@@ -171,9 +177,16 @@ fn dispatch<J: Job>(
             job.run::<_, _, true, false>(&kernel)
         };
     }
-    let world = MediaAlone;
-    let kernel =
-        Kernel { media, world, lights, environment, max_bounces, typical_sigma_t, analog_flights };
+    let kernel = Kernel {
+        media,
+        world: MediaAlone,
+        lights,
+        environment,
+        max_bounces,
+        typical_sigma_t,
+        analog_flights,
+        inside: Inside::new(),
+    };
     run_planned(plan, job, &kernel)
 }
 
@@ -208,6 +221,7 @@ impl<J: Job, S: Structures> VoxelKernel for On<Single<'_, J>, S> {
             max_bounces,
             typical_sigma_t,
             analog_flights: plan.analog_flights,
+            inside: Inside::new(),
         };
         run_planned(plan, job, &kernel)
     }
@@ -229,7 +243,17 @@ fn trace<M: Media, W: World, const MIS: bool, const EQUIANGULAR: bool>(
     let film =
         [f64::from(x) + 0.5 + f64::from(offset[0]), f64::from(y) + 0.5 + f64::from(offset[1])];
     let (origin, direction) = scene.camera.ray(film);
-    kernel.trace::<MIS, EQUIANGULAR>(Ray { origin, direction }, &mut sampler, first, counters)
+    let mut value =
+        kernel.trace::<MIS, EQUIANGULAR>(Ray { origin, direction }, &mut sampler, first, counters);
+    if let Some(most) = settings.clamp {
+        let rgb = Vec3::from_array(value.rgb);
+        let found = luminance(rgb);
+        if found > most {
+            value.rgb = (rgb * (most / found)).to_array();
+            counters.clamped += 1;
+        }
+    }
+    value
 }
 
 struct Run<'a> {

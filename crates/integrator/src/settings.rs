@@ -96,6 +96,8 @@ pub struct RenderSettings {
     pub shared_kernel: bool,
     /// Which techniques find light that both can meet.
     pub light_sampling: LightSampling,
+    /// Largest luminance of a single sample: brighter ones are scaled down to it. **Biased**: light that few paths find is lost. `None`: no limit.
+    pub clamp: Option<f32>,
     /// Edge of the tiles that threads take, pixels. No influence on the image.
     pub tile_size: u32,
 }
@@ -113,6 +115,7 @@ impl Default for RenderSettings {
             majorant_scale: 1.0,
             shared_kernel: false,
             light_sampling: LightSampling::Both,
+            clamp: None,
             tile_size: 16,
         }
     }

@@ -84,11 +84,7 @@ impl Vertex for Anywhere<'_> {
                         * wo.dot(interaction.geometric_normal)
                         < 0.0 =>
             {
-                if interaction.front_face {
-                    interaction.interior.as_ref()
-                } else {
-                    inside.len().checked_sub(2).and_then(|around| inside.get(around))
-                }
+                inside.across(interaction)
             }
             _ => inside.last(),
         }

@@ -258,6 +258,11 @@ pub struct SamplingSpec {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("default" = 1.0))]
     pub majorant_scale: Option<f32>,
+    /// Largest luminance that a single sample may have: brighter ones, fireflies, are scaled down to it. Biased: what few paths find is lost; the plan and
+    /// the image's metadata say so, with the number of samples it met. null is no limit.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("default" = null))]
+    pub clamp: Option<f32>,
 }
 
 /// How transmittance is estimated; all but `ray_marching` are unbiased.

@@ -401,8 +401,16 @@ fn filter(film: &FilmSpec, places: &Places) -> Result<Filter, Failure> {
 }
 
 fn sampling(job: &Job, filter: Filter, places: &Places) -> Result<RenderSettings, Failure> {
-    let SamplingSpec { spp, seed, max_bounces, transmittance, distance, majorants, majorant_scale } =
-        job.sampling.clone().unwrap_or_default();
+    let SamplingSpec {
+        spp,
+        seed,
+        max_bounces,
+        transmittance,
+        distance,
+        majorants,
+        majorant_scale,
+        clamp,
+    } = job.sampling.clone().unwrap_or_default();
     let spp = spp.unwrap_or(DEFAULT_SPP);
     if !(1..=MAX_SPP).contains(&spp) {
         return Err(places.invalid(
@@ -427,6 +435,13 @@ fn sampling(job: &Job, filter: Filter, places: &Places) -> Result<RenderSettings
             "/sampling/majorant_scale",
             format!("a majorant scale of {majorant_scale}"),
             "give a positive number; 1 keeps the proven bounds",
+        ));
+    }
+    if let Some(most) = clamp.filter(|most| !(*most > 0.0 && most.is_finite())) {
+        return Err(places.invalid(
+            "/sampling/clamp",
+            format!("a largest luminance of {most}"),
+            "give a positive number, or null for no limit",
         ));
     }
     Ok(RenderSettings {
@@ -467,6 +482,7 @@ fn sampling(job: &Job, filter: Filter, places: &Places) -> Result<RenderSettings
         },
         majorants,
         majorant_scale,
+        clamp,
         ..RenderSettings::default()
     })
 }

@@ -69,7 +69,7 @@ impl Camera {
             up: right.cross(forward),
             forward,
             resolution,
-            tan_half_fov_y: (fov_y_degrees.to_radians() * 0.5).tan(),
+            tan_half_fov_y: libm::tan(fov_y_degrees.to_radians() * 0.5),
         })
     }
 

@@ -113,7 +113,7 @@ impl EnvironmentImage {
                 }
             }
         }
-        let (sin, cos) = rotation_y_degrees.to_radians().sin_cos();
+        let (sin, cos) = libm::sincos(rotation_y_degrees.to_radians());
         let mut image = Self {
             width,
             height,
@@ -122,7 +122,7 @@ impl EnvironmentImage {
             rows: Vec::new(),
             columns: Vec::new(),
             cosines: (0..=height)
-                .map(|y| if y == height { -1.0 } else { (PI * y as f64 / height as f64).cos() })
+                .map(|y| if y == height { -1.0 } else { libm::cos(PI * y as f64 / height as f64) })
                 .collect(),
             sampled_power: 0.0,
         };
@@ -161,7 +161,7 @@ impl EnvironmentImage {
         let (top, bottom) = (self.cosines[y], self.cosines[y + 1]);
         let cos_theta = top + (bottom - top) * f64::from(v_in_row);
         let sin_theta = (1.0 - cos_theta * cos_theta).max(0.0).sqrt();
-        let (sin_phi, cos_phi) = phi.sin_cos();
+        let (sin_phi, cos_phi) = libm::sincos(phi);
         let local = Vec3::new(
             (sin_theta * sin_phi) as f32,
             cos_theta as f32,
@@ -248,9 +248,9 @@ impl EnvironmentImage {
         let Vec2 { x: sin, y: cos } = self.rotation;
         // The inverse rotation about +Y.
         let (x, z) = (cos * d.x - sin * d.z, sin * d.x + cos * d.z);
-        let u = x.atan2(-z) * (0.5 / std::f32::consts::PI) + 0.5;
+        let u = libm::atan2f(x, -z) * (0.5 / std::f32::consts::PI) + 0.5;
         // atan2 keeps its digits near the poles, where acos loses them.
-        let v = (x * x + z * z).sqrt().atan2(d.y) * std::f32::consts::FRAC_1_PI;
+        let v = libm::atan2f((x * x + z * z).sqrt(), d.y) * std::f32::consts::FRAC_1_PI;
         [u.clamp(0.0, 1.0), v.clamp(0.0, 1.0)]
     }
 

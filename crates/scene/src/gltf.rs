@@ -504,7 +504,7 @@ impl Walk<'_> {
                 if !(inner >= 0.0 && inner <= outer && outer <= PI) {
                     return Err(invalid("the spot's cone angles are not 0 <= inner <= outer"));
                 }
-                let (cos_inner, cos_outer) = (inner.cos(), outer.cos());
+                let (cos_inner, cos_outer) = (libm::cosf(inner), libm::cosf(outer));
                 Light::Spot(Spot { position, direction, intensity, cos_inner, cos_outer })
             }
         };

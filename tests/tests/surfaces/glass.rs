@@ -53,6 +53,57 @@ fn absorption_inside_is_beer_lambert() {
     }
 }
 
+/// A camera inside of bodies, and bodies that overlap: what was entered last counts until its own surface is left. Nested bodies around the camera count the
+/// inner one first.
+#[test]
+fn bodies_are_left_by_their_own_surface() {
+    let colors = [[0.2f32, 0.5, 1.0], [0.9f32, 0.3, 0.6]];
+    let shifted = |half: f32, shift: f32| {
+        let mut triangles = cube(half);
+        for corner in triangles.iter_mut().flatten() {
+            corner[0] += shift;
+        }
+        triangles
+    };
+    let span = |(o, d): (DVec3, DVec3), (half, shift): (f64, f64)| {
+        cube_span(o - DVec3::new(shift, 0.0, 0.0), d, half)
+    };
+    // Camera, then half size and shift of both cubes.
+    for (camera, cubes) in [
+        (DVec3::new(0.1, 0.05, 0.2), [(1.0, 0.0), (0.5, 0.0)]),
+        (DVec3::new(-0.6, 0.05, 0.2), [(1.0, 0.0), (0.8, 0.9)]),
+        (DVec3::new(-4.0, 0.3, 0.1), [(1.0, 0.0), (0.8, 0.9)]),
+    ] {
+        let mut scene = scene(vec![], camera, DVec3::new(2.0, 0.0, 0.0), 40.0);
+        scene.environment.constant = Vec3::ONE;
+        let bodies = [0, 1].map(|i| {
+            let (half, shift): (f64, f64) = cubes[i];
+            (shifted(half as f32, shift as f32), straight(colors[i]))
+        });
+        scene.surfaces = Some(surfaces(&bodies));
+        let image = rendered(&scene, &point_filter(4, 1));
+        let mut two = 0;
+        for (x, y) in (0..64).flat_map(|y| (0..64).map(move |x| (x, y))) {
+            let ray = pixel_ray(&scene, x, y);
+            let spans = cubes
+                .map(|cube| span(ray, cube).map_or((0.0, 0.0), |(a, b)| (a.max(0.0), b.max(0.0))));
+            let [a, b] = spans;
+            two += u32::from(a.1 > a.0 && b.1 > b.0);
+            // The second begins later or around the same camera is the inner one.
+            let b_length = b.1 - b.0;
+            let shared = (a.1.min(b.1) - a.0.max(b.0)).max(0.0);
+            let lengths = [a.1 - a.0 - shared, b_length];
+            for (c, name) in ["R", "G", "B"].into_iter().enumerate() {
+                let expected: f64 =
+                    (0..2).map(|i| f64::from(colors[i][c]).powf(lengths[i] / 0.7)).product();
+                let found = f64::from(image.image.get(name, x, y).unwrap());
+                assert!((found - expected).abs() < 1e-3, "{camera} {x} {y}: {found} {expected}");
+            }
+        }
+        assert!(two > 500, "{two} rays meet both");
+    }
+}
+
 /// What fills the first body on a ray down the axis.
 fn interior(surfaces: &Surfaces) -> Interior {
     let (from, down) = (DVec3::new(0.01, 5.0, 0.02), Vec3::NEG_Y);

@@ -72,6 +72,44 @@ fn punctual_lights_are_the_closed_forms() {
     }
 }
 
+/// Many points and spots, chosen among under a tree: the sum of the closed forms.
+#[test]
+fn many_punctual_lights_are_the_closed_forms() {
+    let (cos_inner, cos_outer) = (0.95f32, 0.75f32);
+    let mut scene = floor_scene(&[floor(3.0, 0.6)]);
+    for i in 0..60u32 {
+        let turn = f64::from(i) * 2.4;
+        let away = 0.2 + 0.04 * f64::from(i);
+        let position =
+            DVec3::new(away * turn.cos(), 0.3 + 0.02 * f64::from(i % 7), away * turn.sin());
+        let intensity =
+            Vec3::new(1.0, 0.2 + 0.01 * i as f32, 0.3) * if i % 9 == 0 { 2.0 } else { 0.1 };
+        scene.lights.push(if i % 3 == 0 {
+            let direction = DVec3::new(-turn.sin(), -1.0, 0.4 * turn.cos()).normalize().as_vec3();
+            Light::Spot(Spot { position, direction, intensity, cos_inner, cos_outer })
+        } else {
+            Light::Point(Point { position, intensity })
+        });
+    }
+    let expected = |x, y| {
+        let p = on_floor(pixel_ray(&scene, x, y));
+        let mut sum = DVec3::ZERO;
+        for light in &scene.lights {
+            let (to, intensity) = match light {
+                Light::Point(point) => (point.position - p, point.intensity),
+                Light::Spot(spot) => {
+                    let to = spot.position - p;
+                    (to, spot.intensity_toward(-to.normalize().as_vec3()))
+                }
+                _ => unreachable!(),
+            };
+            sum += intensity.as_dvec3() * (to.y / to.length().powi(3));
+        }
+        (sum * 0.6 / PI).to_array()
+    };
+    assert_expected("many lights", &rendered(&scene, &point_filter(256, 11)), expected);
+}
+
 /// Points at equal angles beside flights, where surfaces end rays, cast shadows and light the smoke, and where a lamp has to be weighted, too: the picture of flights alone.
 #[test]
 fn equal_angles_among_surfaces() {

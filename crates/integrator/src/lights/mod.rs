@@ -21,14 +21,73 @@ pub(crate) enum Target {
     Direction { to_light: Vec3, irradiance: Vec3, strength: f32 },
     /// A disc of constant radiance at infinity.
     Disc(Disc),
-    /// A position; the scene's light holds the angular law.
-    Position { light: Light, position: DVec3, strength: f32 },
+    /// A point or spot light, by number.
+    Position(usize),
+    /// All point and spot lights, if there are many.
+    Positions(LightTree),
     /// What is bright in the environment image.
     Image { image: Arc<EnvironmentImage>, strength: f32 },
     /// All emissive triangles.
     Lamps(Lamps),
     /// A volume that gives off light.
     Fire(Fire),
+}
+
+/// Most point and spot lights that are chosen among one by one, with their phase function's value; more are put under a tree, which knows their distance alone.
+const HANDFUL: usize = 8;
+
+/// A point or a spot light; the scene's light holds the angular law.
+#[derive(Debug, Clone)]
+pub(crate) struct PointLight {
+    light: Light,
+    position: DVec3,
+    strength: f32,
+}
+
+impl PointLight {
+    fn new(light: &Light) -> Option<PointLight> {
+        let (position, intensity) = match light {
+            Light::Point(point) => (point.position, point.intensity),
+            Light::Spot(spot) => (spot.position, spot.intensity),
+            _ => return None,
+        };
+        let strength = luminance(intensity);
+        (strength > 0.0).then(|| PointLight { light: light.clone(), position, strength })
+    }
+
+    fn for_tree(&self) -> TreeLight {
+        let (axis, cos_emission) = match &self.light {
+            Light::Spot(spot) => (spot.direction, spot.cos_outer),
+            _ => (Vec3::Z, -1.0),
+        };
+        let p = [self.position; 3];
+        TreeLight { p, axis, cos_emission, strength: self.strength, two_sided: false }
+    }
+
+    fn sample(&self, p: DVec3) -> Option<LightSample> {
+        let to = self.position - p;
+        let distance = to.length();
+        if !(distance > 0.0) {
+            return None;
+        }
+        let wi = (to / distance).as_vec3();
+        let intensity = match &self.light {
+            Light::Point(point) => point.intensity,
+            Light::Spot(spot) => spot.intensity_toward(-wi),
+            _ => Vec3::ZERO,
+        };
+        let weight = (intensity.as_dvec3() / (distance * distance)).as_vec3();
+        (weight != Vec3::ZERO).then_some(LightSample {
+            wi,
+            distance,
+            end: None,
+            position: Some(self.position),
+            weight,
+            pdf: 0.0,
+            everywhere: false,
+            along_the_way: false,
+        })
+    }
 }
 
 /// Emissive triangles under a tree.
@@ -45,7 +104,8 @@ impl Lamps {
             .iter()
             .map(|lamp| TreeLight {
                 p: [lamp.p0, lamp.p0 + lamp.e1, lamp.p0 + lamp.e2],
-                normal: lamp.normal,
+                axis: lamp.normal,
+                cos_emission: 0.0,
                 strength: luminance(lamp.radiance) * lamp.area as f32,
                 two_sided: lamp.two_sided,
             })
@@ -74,6 +134,7 @@ impl Lamps {
             wi,
             distance,
             end: Some(end),
+            position: None,
             weight: radiance / pdf,
             pdf,
             everywhere: false,
@@ -132,6 +193,7 @@ impl Fire {
             wi: (to / distance).as_vec3(),
             distance,
             end: None,
+            position: None,
             weight: (point.emission.as_dvec3() / per_direction).as_vec3(),
             pdf: Fire::pdf_of_direction(point.pdf, distance, rate),
             everywhere: false,
@@ -143,7 +205,7 @@ impl Fire {
 impl Target {
     /// Whether a path can run into it.
     fn met_by_paths(&self) -> bool {
-        !matches!(self, Target::Direction { .. } | Target::Position { .. })
+        !matches!(self, Target::Direction { .. } | Target::Position(_) | Target::Positions(_))
     }
 }
 
@@ -160,9 +222,9 @@ pub(crate) struct Disc {
 impl Disc {
     fn new(to_light: Vec3, irradiance: Vec3, angular_diameter: f32) -> Disc {
         let radius = f64::from(0.5 * angular_diameter);
-        let one_minus_cos = 2.0 * (0.5 * radius).sin().powi(2);
+        let one_minus_cos = 2.0 * libm::sin(0.5 * radius).powi(2);
         // A plane that faces the sun sees the projected solid angle pi sin^2.
-        let projected = std::f64::consts::PI * radius.sin().powi(2);
+        let projected = std::f64::consts::PI * libm::sin(radius).powi(2);
         Disc {
             to_light,
             radiance: (irradiance.as_dvec3() / projected).as_vec3(),
@@ -195,6 +257,8 @@ pub(crate) struct LightSample {
     pub(crate) distance: f64,
     /// The point itself, if it lies on a surface.
     pub(crate) end: Option<DVec3>,
+    /// Where the light is, if it is point-like.
+    pub(crate) position: Option<DVec3>,
     /// Radiance over the density of the direction; irradiance for delta lights.
     pub(crate) weight: Vec3,
     /// Density of the direction, 1/sr, for lights that a path can also run into; zero for delta lights.
@@ -209,6 +273,8 @@ pub(crate) struct LightSample {
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Lights {
     targets: Vec<Target>,
+    /// Point and spot lights.
+    points: Vec<PointLight>,
     /// Discs and images that no shadow ray is sent to.
     paths_only: Vec<Target>,
 }
@@ -237,18 +303,15 @@ impl Lights {
                     irradiance: sun.irradiance,
                     strength: luminance(sun.irradiance),
                 }),
-                Light::Point(point) => targets.push(Target::Position {
-                    light: light.clone(),
-                    position: point.position,
-                    strength: luminance(point.intensity),
-                }),
-                Light::Spot(spot) => targets.push(Target::Position {
-                    light: light.clone(),
-                    position: spot.position,
-                    strength: luminance(spot.intensity),
-                }),
                 _ => {}
             }
+        }
+        let points: Vec<PointLight> = scene.lights.iter().filter_map(PointLight::new).collect();
+        if points.len() > HANDFUL {
+            let lights: Vec<TreeLight> = points.iter().map(PointLight::for_tree).collect();
+            targets.push(Target::Positions(LightTree::new(&lights)));
+        } else {
+            targets.extend((0..points.len()).map(Target::Position));
         }
         if let Some(image) = &scene.environment.image
             && image.sampled_power() > 0.0
@@ -268,7 +331,7 @@ impl Lights {
         if sampling == LightSampling::Paths {
             (paths_only, targets) = targets.into_iter().partition(Target::met_by_paths);
         }
-        Lights { targets, paths_only }
+        Lights { targets, points, paths_only }
     }
 
     pub(crate) fn is_empty(&self) -> bool {
@@ -279,20 +342,25 @@ impl Lights {
         self.targets.len()
     }
 
-    /// Index and position of the point-like lights.
-    pub(crate) fn positions(&self) -> impl Iterator<Item = (usize, DVec3)> {
-        self.targets.iter().enumerate().filter_map(|(index, target)| match target {
-            Target::Position { position, .. } => Some((index, *position)),
-            _ => None,
-        })
+    /// Lights, those under a tree of points counted one by one.
+    pub(crate) fn count(&self) -> usize {
+        let under_tree = if self.many_positions() { self.points.len() - 1 } else { 0 };
+        self.targets.len() + under_tree
     }
 
-    /// Position of light `index`, if it is point-like.
-    pub(crate) fn position(&self, index: usize) -> Option<DVec3> {
-        match &self.targets[index] {
-            Target::Position { position, .. } => Some(*position),
-            _ => None,
-        }
+    /// Positions of the point-like lights, by number.
+    pub(crate) fn positions(&self) -> impl Iterator<Item = (usize, DVec3)> {
+        self.points.iter().enumerate().map(|(number, light)| (number, light.position))
+    }
+
+    /// Whether the point-like lights are too many to be gone through at every vertex.
+    pub(crate) fn many_positions(&self) -> bool {
+        self.points.len() > HANDFUL
+    }
+
+    /// The direction towards point-like light `number` from `p`; `None` where it sends nothing.
+    pub(crate) fn sample_position(&self, number: usize, p: DVec3) -> Option<LightSample> {
+        self.points.get(number)?.sample(p)
     }
 
     /// Whether a path can run into what shadow rays are sent to, so that both must be weighted.
@@ -302,19 +370,24 @@ impl Lights {
 
     /// Unshadowed contribution of a light, as scattered by `phase` (a value for a direction), and if scattering were isotropic.
     #[inline(always)]
-    fn estimate(target: &Target, p: DVec3, phase: impl Fn(Vec3) -> f32) -> (f32, f32) {
+    fn estimate(&self, target: &Target, p: DVec3, phase: impl Fn(Vec3) -> f32) -> (f32, f32) {
         match target {
             Target::Direction { to_light, strength, .. } => {
                 (strength * phase(*to_light), strength * ISOTROPIC)
             }
             Target::Disc(disc) => (disc.strength * phase(disc.to_light), disc.strength * ISOTROPIC),
-            Target::Position { position, strength, .. } => {
-                let to = *position - p;
+            Target::Position(number) => {
+                let light = &self.points[*number];
+                let to = light.position - p;
                 let distance2 = to.length_squared().max(1e-30);
-                let received = (f64::from(*strength) / distance2) as f32;
+                let received = (f64::from(light.strength) / distance2) as f32;
                 (received * phase((to / distance2.sqrt()).as_vec3()), received * ISOTROPIC)
             }
             Target::Image { strength, .. } => (strength * ISOTROPIC, strength * ISOTROPIC),
+            Target::Positions(tree) => {
+                let received = tree.estimate(p) * ISOTROPIC;
+                (received, received)
+            }
             // Lights of some size: their middle says little of what a vertex sees of them.
             Target::Lamps(lamps) => {
                 let received = lamps.tree.estimate(p) * ISOTROPIC;
@@ -332,7 +405,7 @@ impl Lights {
     #[inline(always)]
     pub(crate) fn choose(&self, p: DVec3, phase: impl Fn(Vec3) -> f32, u: f32) -> Option<Choice> {
         if let [target] = self.targets.as_slice() {
-            let (estimate, isotropic) = Lights::estimate(target, p, &phase);
+            let (estimate, isotropic) = self.estimate(target, p, &phase);
             let importance = if isotropic > 0.0 { estimate / isotropic } else { 0.0 };
             return (importance > 0.0).then_some(Choice { index: 0, probability: 1.0, importance });
         }
@@ -340,7 +413,7 @@ impl Lights {
         let (mut total, mut isotropic, mut u) = (0.0f32, 0.0f32, u);
         let (mut index, mut chosen) = (usize::MAX, 0.0f32);
         for (i, target) in self.targets.iter().enumerate() {
-            let (estimate, iso) = Lights::estimate(target, p, &phase);
+            let (estimate, iso) = self.estimate(target, p, &phase);
             if !(estimate > 0.0) {
                 continue;
             }
@@ -375,6 +448,7 @@ impl Lights {
                 wi: *to_light,
                 distance: f64::INFINITY,
                 end: None,
+                position: None,
                 weight: *irradiance,
                 pdf: 0.0,
                 everywhere: false,
@@ -384,33 +458,20 @@ impl Lights {
                 wi: disc.sample(u),
                 distance: f64::INFINITY,
                 end: None,
+                position: None,
                 weight: disc.radiance / disc.pdf,
                 pdf: disc.pdf,
                 everywhere: false,
                 along_the_way: false,
             }),
-            Target::Position { light, position, .. } => {
-                let to = *position - p;
-                let distance = to.length();
-                if !(distance > 0.0) {
-                    return None;
-                }
-                let wi = (to / distance).as_vec3();
-                let intensity = match light {
-                    Light::Point(point) => point.intensity,
-                    Light::Spot(spot) => spot.intensity_toward(-wi),
-                    _ => Vec3::ZERO,
-                };
-                let weight = (intensity.as_dvec3() / (distance * distance)).as_vec3();
-                Some(LightSample {
-                    wi,
-                    distance,
-                    end: None,
-                    weight,
-                    pdf: 0.0,
-                    everywhere: false,
-                    along_the_way: false,
-                })
+            Target::Position(number) => self.points[*number].sample(p),
+            Target::Positions(tree) => {
+                let (number, probability) = tree.choose(p, u[0])?;
+                let mut sample = self.points[number as usize].sample(p)?;
+                sample.weight /= probability;
+                // The tree knew no phase function.
+                sample.everywhere = true;
+                Some(sample)
             }
             Target::Image { image, .. } => {
                 let sample = image.sample(u)?;
@@ -418,6 +479,7 @@ impl Lights {
                     wi: sample.wi,
                     distance: f64::INFINITY,
                     end: None,
+                    position: None,
                     weight: sample.radiance / sample.pdf,
                     pdf: sample.pdf,
                     everywhere: true,
@@ -486,7 +548,7 @@ impl Lights {
     pub(crate) fn probability(&self, index: usize, p: DVec3, phase: impl Fn(Vec3) -> f32) -> f32 {
         let (mut total, mut own) = (0.0f32, 0.0f32);
         for (i, target) in self.targets.iter().enumerate() {
-            let (estimate, _) = Lights::estimate(target, p, &phase);
+            let (estimate, _) = self.estimate(target, p, &phase);
             if estimate > 0.0 {
                 total += estimate;
                 if i == index {

@@ -1,30 +1,35 @@
-//! Many emissive triangles as one light: a tree, descended by what each side may contribute [after Conty Estevez and Kulla 2018, "Importance
-//! sampling of many lights with adaptive tree splitting"].
+//! Many lights as one: a tree over emissive triangles or over point and spot lights, descended by what each side may contribute [after Conty Estevez and
+//! Kulla 2018, "Importance sampling of many lights with adaptive tree splitting"].
 
 use glam::{DVec3, Vec3};
+use libm::{acosf, cosf, sinf};
 
-/// What the tree knows of a triangle.
+/// What the tree knows of a triangle or of a point.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct TreeLight {
-    /// Corners.
+    /// Corners; of a point, three times itself.
     pub(crate) p: [DVec3; 3],
-    /// Unit normal of the side that emits.
-    pub(crate) normal: Vec3,
-    /// Luminance of its radiance times area: the irradiance times distance squared that it gives face to face.
+    /// Unit normal of the side that emits, or the axis of a spot.
+    pub(crate) axis: Vec3,
+    /// Cosine of the angle to the axis up to which light is sent: 0 for triangles, -1 in all directions.
+    pub(crate) cos_emission: f32,
+    /// The irradiance times distance squared that it gives on its axis, in luminance: radiance times area, or intensity.
     pub(crate) strength: f32,
     /// Whether both sides emit.
     pub(crate) two_sided: bool,
 }
 
-/// Boxes, strengths and normals of a set of triangles.
+/// Boxes, strengths and directions of a set of lights.
 #[derive(Debug, Clone, Copy)]
 struct Bound {
     low: DVec3,
     high: DVec3,
     strength: f32,
-    /// Cone of the normals: axis and the cosine of its half angle; -1: any direction.
+    /// Cone of the axes: its own and the cosine of its half angle; -1: any direction.
     axis: Vec3,
     cos: f32,
+    /// Smallest cosine to its own axis at which any of the set sends light.
+    cos_emission: f32,
     two_sided: bool,
 }
 
@@ -38,7 +43,7 @@ struct Node {
 
 const LEAF: u32 = 1 << 31;
 
-/// A tree over emissive triangles.
+/// A tree over lights.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct LightTree {
     nodes: Vec<Node>,
@@ -53,8 +58,9 @@ impl Bound {
             low: a.min(b).min(c),
             high: a.max(b).max(c),
             strength: light.strength,
-            axis: light.normal,
+            axis: light.axis,
             cos: 1.0,
+            cos_emission: light.cos_emission,
             two_sided: light.two_sided,
         }
     }
@@ -67,6 +73,7 @@ impl Bound {
             strength: a.strength + b.strength,
             axis,
             cos,
+            cos_emission: a.cos_emission.min(b.cos_emission),
             two_sided: a.two_sided || b.two_sided,
         }
     }
@@ -76,7 +83,7 @@ impl Bound {
     }
 
     /// Bound-like estimate of what arrives at `p`: strength over distance squared, times the largest cosine at the lights. Not zero unless nothing of the
-    /// set faces `p`.
+    /// set sends light towards `p`.
     fn estimate(&self, p: DVec3) -> f32 {
         let half = 0.5 * (self.high - self.low);
         let radius2 = half.length_squared();
@@ -84,18 +91,43 @@ impl Bound {
         let distance2 = to.length_squared();
         // Inside its own sphere a set is as near as its size.
         let received = (f64::from(self.strength) / distance2.max(radius2).max(1e-30)) as f32;
-        if distance2 <= radius2 || self.cos <= -1.0 {
+        if distance2 <= radius2 || self.cos <= -1.0 || self.cos_emission <= -1.0 {
             return received;
         }
         let distance = distance2.sqrt();
-        let cos_axis = self.axis.dot((to / distance).as_vec3());
+        let cos_axis = self.axis.dot((to / distance).as_vec3()).clamp(-1.0, 1.0);
         let cos_axis = if self.two_sided { cos_axis.abs() } else { cos_axis };
-        // Angle to the axis, less the cone's half angle, less that under which the set is seen.
+        // Angle to the axis, less the cone's half angle, less that under which the set is seen. Cosines alone: no function of a system's library.
         let sin2_seen = (radius2 / distance2) as f32;
-        let spread = self.cos.clamp(-1.0, 1.0).acos() + sin2_seen.sqrt().min(1.0).asin();
-        let angle = (cos_axis.clamp(-1.0, 1.0).acos() - spread).max(0.0);
-        // A floor for rounding: what just faces away may be chosen, and then brings nothing.
-        if angle < std::f32::consts::FRAC_PI_2 { received * angle.cos().max(1e-3) } else { 0.0 }
+        let to_axis = Angle::of(cos_axis);
+        let seen = Angle { cos: (1.0 - sin2_seen).max(0.0).sqrt(), sin: sin2_seen.sqrt() };
+        let cos = to_axis.less(Angle::of(self.cos.min(1.0))).less(seen).cos;
+        // Wider and not below a floor, for rounding: what just faces away may be chosen, and then brings nothing.
+        if cos > self.cos_emission - 1e-4 { received * cos.max(1e-3) } else { 0.0 }
+    }
+}
+
+/// An angle between 0 and a half turn.
+#[derive(Debug, Clone, Copy)]
+struct Angle {
+    cos: f32,
+    sin: f32,
+}
+
+impl Angle {
+    fn of(cos: f32) -> Angle {
+        Angle { cos, sin: (1.0 - cos * cos).max(0.0).sqrt() }
+    }
+
+    /// The difference, not below zero.
+    fn less(self, other: Angle) -> Angle {
+        if self.cos > other.cos {
+            return Angle { cos: 1.0, sin: 0.0 };
+        }
+        Angle {
+            cos: self.cos * other.cos + self.sin * other.sin,
+            sin: self.sin * other.cos - self.cos * other.sin,
+        }
     }
 }
 
@@ -104,8 +136,8 @@ fn join_cones((a, cos_a): (Vec3, f32), (b, cos_b): (Vec3, f32)) -> (Vec3, f32) {
     if cos_a <= -1.0 || cos_b <= -1.0 {
         return (a, -1.0);
     }
-    let (angle_a, angle_b) = (cos_a.min(1.0).acos(), cos_b.min(1.0).acos());
-    let between = a.dot(b).clamp(-1.0, 1.0).acos();
+    let (angle_a, angle_b) = (acosf(cos_a.min(1.0)), acosf(cos_b.min(1.0)));
+    let between = acosf(a.dot(b).clamp(-1.0, 1.0));
     if between + angle_b <= angle_a {
         return (a, cos_a);
     }
@@ -120,7 +152,7 @@ fn join_cones((a, cos_a): (Vec3, f32), (b, cos_b): (Vec3, f32)) -> (Vec3, f32) {
     let away = (b - a * a.dot(b)).normalize_or_zero();
     let turn = half - angle_a;
     // Wider by a little, for the rounding of angles.
-    (a * turn.cos() + away * turn.sin(), (half + 1e-3).cos())
+    (a * cosf(turn) + away * sinf(turn), cosf(half + 1e-3))
 }
 
 impl LightTree {
@@ -236,7 +268,8 @@ mod tests {
                 let cross = b.cross(c);
                 TreeLight {
                     p: [a, a + b, a + c],
-                    normal: cross.normalize().as_vec3(),
+                    axis: cross.normalize().as_vec3(),
+                    cos_emission: 0.0,
                     strength: (0.5 * cross.length()) as f32 * if i % 7 == 0 { 50.0 } else { 1.0 },
                     two_sided: i % 3 == 0,
                 }
@@ -273,12 +306,37 @@ mod tests {
                 let z = (f64::from(counts[i]) - f64::from(n) * q) / deviation;
                 assert!(z.abs() < 6.0, "{i}: {z}");
                 let facing = light.p.iter().any(|corner| {
-                    let cos = light.normal.dot((p - *corner).normalize().as_vec3());
+                    let cos = light.axis.dot((p - *corner).normalize().as_vec3());
                     cos > 1e-3 || light.two_sided
                 });
                 assert!(!facing || q > 0.0, "light {i} faces {p} and is never drawn");
             }
             assert!((sum - 1.0).abs() < 0.02, "{sum}");
+        }
+    }
+
+    /// Points that shine everywhere have a probability everywhere, spots where they shine.
+    #[test]
+    fn whatever_shines_on_a_point_may_be_drawn() {
+        let mut rng = Pcg32::new(4, 4);
+        let mut lights = triangles(40, &mut rng);
+        for (i, light) in lights.iter_mut().enumerate() {
+            light.p = [light.p[0]; 3];
+            light.two_sided = false;
+            light.cos_emission = [-1.0, 0.9, 0.2, -0.5][i % 4];
+        }
+        let tree = LightTree::new(&lights);
+        for _ in 0..200 {
+            let mut v = || 16.0 * (f64::from(uniform(&mut rng)) - 0.5);
+            let p = DVec3::new(v(), v(), v());
+            let mut sum = 0.0;
+            for (i, light) in lights.iter().enumerate() {
+                let q = tree.probability(i as u32, p);
+                sum += q;
+                let cos = light.axis.dot((p - light.p[0]).normalize().as_vec3());
+                assert!(cos < light.cos_emission || q > 0.0, "light {i} shines on {p}");
+            }
+            assert!(sum < 1.0 + 1e-4);
         }
     }
 

@@ -170,7 +170,7 @@ fn closed_form(medium: &Medium, ray: &Ray, t_max: f64) -> Option<f32> {
     let length = medium.span(ray.origin, ray.direction, t_max).map_or(0.0, |(_, length)| length);
     let tau = f64::from(medium.scale()) * f64::from(length);
     // 0 x infinity: no extinction in all space.
-    Some(if tau.is_nan() { 1.0 } else { (-tau).exp() as f32 })
+    Some(if tau.is_nan() { 1.0 } else { libm::exp(-tau) as f32 })
 }
 
 /// Whether a ray never leaves a medium that differs per channel: without end, transmittance is zero or one.

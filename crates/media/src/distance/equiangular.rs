@@ -31,14 +31,14 @@ impl Equiangular {
         let to = light - origin;
         let foot = to.dot(d);
         let distance = (to - d * foot).length().max(CLOSEST * to.length()).max(f64::MIN_POSITIVE);
-        let (low, high) = (((t0 - foot) / distance).atan(), ((t1 - foot) / distance).atan());
+        let (low, high) = (libm::atan((t0 - foot) / distance), libm::atan((t1 - foot) / distance));
         (high > low).then_some(Equiangular { foot, distance, low, high, range: (t0, t1) })
     }
 
     /// The ray parameter of `u` in [0, 1).
     pub fn sample(&self, u: f32) -> f64 {
         let angle = self.low + f64::from(u) * (self.high - self.low);
-        (self.foot + self.distance * angle.tan()).clamp(self.range.0, self.range.1)
+        (self.foot + self.distance * libm::tan(angle)).clamp(self.range.0, self.range.1)
     }
 
     /// Density of [`sample`](Equiangular::sample), 1/length; zero outside the part.

@@ -99,6 +99,7 @@ fn values_out_of_range_are_placed() {
         ("/gltf", serde_json::json!({"lumens_per_watt": 0})),
         ("/output/image", serde_json::json!("cloud.jpg")),
         ("/sampling/transmittance", serde_json::json!("rato")),
+        ("/sampling/clamp", serde_json::json!(0)),
     ] {
         let (code, said) = check(&changed(pointer, value));
         assert_eq!(code, 3, "{pointer}: {said}");

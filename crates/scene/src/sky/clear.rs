@@ -1,5 +1,6 @@
 //! Sun and sky of a clear day by the model of Hosek and Wilkie.
 
+use libm::{acos, asin, cos, sin};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use glam::{DVec3, Vec3};
@@ -78,8 +79,8 @@ impl ClearSky {
     /// Direction to the sun from its elevation above the horizon and its azimuth, both in degrees:
     /// azimuth 0 is at -Z, 90 at +X (a compass with north at -Z). A unit vector.
     pub fn direction(elevation: f64, azimuth: f64) -> DVec3 {
-        let (sin_e, cos_e) = elevation.to_radians().sin_cos();
-        let (sin_a, cos_a) = azimuth.to_radians().sin_cos();
+        let (sin_e, cos_e) = libm::sincos(elevation.to_radians());
+        let (sin_a, cos_a) = libm::sincos(azimuth.to_radians());
         DVec3::new(cos_e * sin_a, sin_e, -cos_e * cos_a)
     }
 
@@ -148,7 +149,7 @@ impl ClearSky {
             albedo: self.ground_albedo.map(|albedo| albedo as f32),
         })
         .map_err(|error| self.invalid(error.to_string(), "use values in range"))?;
-        let twilight = (TWILIGHT_PER_DEGREE * elevation.min(0.0)).exp();
+        let twilight = libm::exp(TWILIGHT_PER_DEGREE * elevation.min(0.0));
         let to_sun = self.to_sun.normalize_or_zero();
         let above = HEIGHT / 2;
         let mut texels = Vec::with_capacity(WIDTH * HEIGHT);
@@ -158,12 +159,12 @@ impl ClearSky {
             let theta = 0.5 * (border(y) + border(y + 1));
             // Integral of the cosine over the solid angle of a texel, exact.
             let weight =
-                (border(y + 1).sin().powi(2) - border(y).sin().powi(2)) * 0.5 * TAU / WIDTH as f64;
+                (sin(border(y + 1)).powi(2) - sin(border(y)).powi(2)) * 0.5 * TAU / WIDTH as f64;
             for x in 0..WIDTH {
                 // The middle column lies at -Z, to its right is +X.
                 let phi = TAU * ((x as f64 + 0.5) / WIDTH as f64 - 0.5);
-                let d = DVec3::new(theta.sin() * phi.sin(), theta.cos(), -theta.sin() * phi.cos());
-                let gamma = d.dot(to_sun).clamp(-1.0, 1.0).acos() as f32;
+                let d = DVec3::new(sin(theta) * sin(phi), cos(theta), -sin(theta) * cos(phi));
+                let gamma = acos(d.dot(to_sun).clamp(-1.0, 1.0)) as f32;
                 let channel = |c| f64::from(state.radiance(theta as f32, gamma, c)).max(0.0);
                 let radiance = twilight
                     * DVec3::new(channel(Channel::R), channel(Channel::G), channel(Channel::B));
@@ -190,7 +191,7 @@ impl ClearSky {
 
     /// Height of the sun above the horizon, degrees.
     fn elevation(&self) -> f64 {
-        self.to_sun.normalize_or_zero().y.clamp(-1.0, 1.0).asin().to_degrees()
+        asin(self.to_sun.normalize_or_zero().y.clamp(-1.0, 1.0)).to_degrees()
     }
 
     fn check(&self) -> Result<(), Error> {
@@ -214,7 +215,7 @@ fn visible_share(elevation: f64, radius: f64) -> f64 {
         return if elevation >= 0.0 { 1.0 } else { 0.0 };
     }
     let h = elevation / radius;
-    ((h.asin() + h * (1.0 - h * h).sqrt()) / PI + 0.5).clamp(0.0, 1.0)
+    ((asin(h) + h * (1.0 - h * h).sqrt()) / PI + 0.5).clamp(0.0, 1.0)
 }
 
 #[cfg(test)]

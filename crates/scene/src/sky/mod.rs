@@ -32,7 +32,7 @@ pub fn default_sky() -> Result<(Light, Environment), Error> {
     let texels = (0..WIDTH * HEIGHT)
         .map(|i| {
             let polar = ((i / WIDTH) as f32 + 0.5) / HEIGHT as f32 * std::f32::consts::PI;
-            let up = polar.cos();
+            let up = libm::cosf(polar);
             let colour = if up >= 0.0 {
                 horizon.lerp(zenith, 1.0 - (1.0 - up).powi(3))
             } else {

@@ -5,6 +5,7 @@
 //! aerosols by Ångström's formula, ozone, mixed gases and water vapour.
 
 use glam::DVec3;
+use libm::pow;
 use pileus_media::{rgb_of_xyz, xyz_of_spectrum};
 
 /// Illuminance by the sun above the atmosphere at mean distance, lux (Darula, Kittler and Gueymard,
@@ -43,21 +44,21 @@ pub(super) const LUMINANCE: DVec3 = DVec3::new(0.2126, 0.7152, 0.0722);
 /// degrees, some 35 on the horizon.
 fn relative_optical_mass(elevation: f64) -> f64 {
     let zenith = 90.0 - elevation;
-    1.0 / (zenith.to_radians().cos().max(0.0) + 0.15 * (93.885 - zenith).powf(-1.253))
+    1.0 / (libm::cos(zenith.to_radians()).max(0.0) + 0.15 * pow(93.885 - zenith, -1.253))
 }
 
 /// Share of sunlight of a wavelength in nanometres that reaches the ground unscattered.
 fn transmittance(nm: f64, mass: f64, turbidity: f64) -> f64 {
     let micrometres = nm * 1e-3;
-    let rayleigh = 0.008_735 * micrometres.powf(-4.08);
+    let rayleigh = 0.008_735 * pow(micrometres, -4.08);
     let beta = (0.046_083_658_220_5 * turbidity - 0.045_860_259_285_22).max(0.0);
-    let aerosol = beta * micrometres.powf(-AEROSOL_EXPONENT);
+    let aerosol = beta * pow(micrometres, -AEROSOL_EXPONENT);
     let ozone = at(&OZONE, nm) * OZONE_CM;
     let gas_mass = at(&MIXED_GASES, nm) * mass;
-    let gases = 1.41 * gas_mass / (1.0 + 118.93 * gas_mass).powf(0.45);
+    let gases = 1.41 * gas_mass / pow(1.0 + 118.93 * gas_mass, 0.45);
     let water_mass = at(&WATER, nm) * WATER_CM * mass;
-    let water = 0.2385 * water_mass / (1.0 + 20.07 * water_mass).powf(0.45);
-    (-mass * (rayleigh + aerosol + ozone) - gases - water).exp()
+    let water = 0.2385 * water_mass / pow(1.0 + 20.07 * water_mass, 0.45);
+    libm::exp(-mass * (rayleigh + aerosol + ozone) - gases - water)
 }
 
 /// Relative spectral radiance of the sun above the atmosphere.
