@@ -2,6 +2,7 @@
 
 use crate::Error;
 use crate::field::{ExactField, MajorantSegment, RayField};
+use crate::flakes::Flakes;
 use crate::medium::{check_albedo, strongest_and_relative};
 use crate::phase::Phase;
 use crate::tally::Tally;
@@ -35,10 +36,10 @@ impl HomogeneousMedium {
             ));
         }
         check_albedo(&albedo)?;
-        if matches!(phase, Phase::ByGrid(_)) {
+        if matches!(phase, Phase::ByGrid(_)) || phase.flakes().is_some_and(Flakes::by_grid) {
             return Err(Error::invalid(
                 "a homogeneous medium has no grid for its phase function",
-                "give the mean cosine as a number",
+                "give numbers instead of grids",
             ));
         }
         if let Some((low, high)) = bounds

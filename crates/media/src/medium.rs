@@ -3,12 +3,14 @@
 use crate::Error;
 use crate::color::ColorGrid;
 use crate::field::{ExactField, MajorantSegment, RayField};
+use crate::flakes::{FlakeRay, Flakes};
 use crate::grid::{Half, Voxel, VoxelGrid, Voxels};
 use crate::homogeneous::HomogeneousMedium;
 use crate::majorant::{Adaptive, AnyPartition, GridRay, MajorantStructure, Majorants, Partition};
 use crate::phase::{Phase, PhaseAt};
 use crate::tally::Tally;
 use glam::{DAffine3, DVec3, Mat3, Vec3};
+use rand_core::Rng;
 use std::sync::Arc;
 
 /// Single-scattering albedo, `sigma_s / sigma_t` per channel, in [0, 1].
@@ -175,10 +177,31 @@ impl GridMedium {
         &self.phase
     }
 
-    /// The phase function at a point in the world.
+    /// The phase function at a point in the world, for light that arrives along `incoming`; see [`Phase::at`].
     #[inline(always)]
-    pub fn phase_at(&self, p_world: DVec3) -> PhaseAt<'_> {
-        self.phase.at(|| self.world_to_local.transform_point3(p_world) + self.grid.local_to_index())
+    pub fn phase_at<R: Rng + ?Sized>(
+        &self,
+        p_world: DVec3,
+        incoming: Vec3,
+        rng: &mut R,
+    ) -> PhaseAt<'_> {
+        self.phase.at(|| self.to_index(p_world), incoming, rng)
+    }
+
+    fn to_index(&self, p_world: DVec3) -> DVec3 {
+        self.world_to_local.transform_point3(p_world) + self.grid.local_to_index()
+    }
+
+    /// The ray field of a span for a medium of flakes: `ray` is that of its density.
+    pub fn flake_ray<'a, F>(
+        &'a self,
+        ray: F,
+        flakes: &'a Flakes,
+        direction: Vec3,
+        span: &Span,
+    ) -> FlakeRay<'a, F> {
+        let start = span.p0.as_dvec3() + self.grid.local_to_index();
+        FlakeRay::new(ray, flakes, direction, [start, span.d.as_dvec3()])
     }
 
     /// The albedo.
@@ -200,8 +223,7 @@ impl GridMedium {
 
     /// Extinction of the strongest channel at a point in the world, 1/length.
     pub fn sigma_t_at(&self, p_world: DVec3) -> f64 {
-        let p = self.world_to_local.transform_point3(p_world) + self.grid.local_to_index();
-        self.grid.interpolate(p) * f64::from(self.scale)
+        self.grid.interpolate(self.to_index(p_world)) * f64::from(self.scale)
     }
 
     /// The box in the world that holds all extinction; `None` if there is none.
@@ -526,12 +548,26 @@ impl Medium {
         }
     }
 
-    /// The phase function at a point in the world.
+    /// The phase function at a point in the world, for light that arrives along `incoming`; see [`Phase::at`].
     #[inline(always)]
-    pub fn phase_at(&self, p_world: DVec3) -> PhaseAt<'_> {
+    pub fn phase_at<R: Rng + ?Sized>(
+        &self,
+        p_world: DVec3,
+        incoming: Vec3,
+        rng: &mut R,
+    ) -> PhaseAt<'_> {
         match self {
-            Medium::Grid(medium) => medium.phase_at(p_world),
-            Medium::Homogeneous(medium) => medium.phase().at(|| p_world),
+            Medium::Grid(medium) => medium.phase_at(p_world, incoming, rng),
+            Medium::Homogeneous(medium) => medium.phase().at(|| p_world, incoming, rng),
+        }
+    }
+
+    /// What the medium's flakes show to a ray along `direction`: a factor of its extinction; 1 for other media.
+    pub fn projected_area(&self, p_world: DVec3, direction: Vec3) -> f32 {
+        let Some(flakes) = self.phase().flakes() else { return 1.0 };
+        match self {
+            Medium::Grid(medium) => flakes.projected_area(|| medium.to_index(p_world), direction),
+            Medium::Homogeneous(_) => flakes.projected_area(|| p_world, direction),
         }
     }
 

@@ -47,9 +47,7 @@ impl Roughness {
     fn at_index(&self, p_index: DVec3) -> f64 {
         let value = match self {
             Roughness::Constant(roughness) => f64::from(*roughness),
-            Roughness::Grid(grid, to_index) => {
-                grid.interpolate(to_index.transform_point3(p_index))
-            }
+            Roughness::Grid(grid, to_index) => grid.interpolate(to_index.transform_point3(p_index)),
         };
         value.clamp(f64::from(MIN_ROUGHNESS), 1.0)
     }

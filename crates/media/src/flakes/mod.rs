@@ -18,6 +18,7 @@ use crate::phase::PhaseAt;
 use crate::random::uniform;
 use glam::{DMat3, DVec3, Mat3, Vec3};
 use rand_core::Rng;
+use std::fmt;
 
 /// Where the distribution of flakes comes from.
 #[derive(Debug, Clone)]
@@ -99,6 +100,17 @@ impl Flakes {
                 PhaseAt::Flake { normal }
             }
         }
+    }
+}
+
+impl fmt::Display for Flakes {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let scattering = match self.scattering {
+            FlakeScattering::Specular => "specular",
+            FlakeScattering::Diffuse => "diffuse",
+        };
+        let by = if self.by_grid() { " by grid" } else { "" };
+        write!(f, "sggx, {scattering} flakes{by}")
     }
 }
 

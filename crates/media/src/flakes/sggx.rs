@@ -81,8 +81,9 @@ impl Sggx {
         let s = self.matrix();
         let mean = (s.x_axis.x + s.y_axis.y + s.z_axis.z) / 3.0;
         let b = s - DMat3::IDENTITY * mean;
-        let p2 = (b.x_axis.length_squared() + b.y_axis.length_squared() + b.z_axis.length_squared())
-            / 6.0;
+        let p2 =
+            (b.x_axis.length_squared() + b.y_axis.length_squared() + b.z_axis.length_squared())
+                / 6.0;
         if !p2.is_finite() {
             return None;
         }
@@ -122,8 +123,8 @@ impl Sggx {
         let s = turned.transpose() * self.matrix() * turned;
         let (kk, jj, ii) = (s.x_axis.x, s.y_axis.y, s.z_axis.z.max(0.0));
         let (kj, ki, ji) = (s.y_axis.x, s.z_axis.x, s.z_axis.y);
-        let determinant = kk * (jj * ii - ji * ji) - kj * (kj * ii - ji * ki)
-            + ki * (kj * ji - jj * ki);
+        let determinant =
+            kk * (jj * ii - ji * ji) - kj * (kj * ii - ji * ki) + ki * (kj * ji - jj * ki);
         let (root_det, root_ii) = (determinant.max(0.0).sqrt(), ii.sqrt());
         let q = (jj * ii - ji * ji).max(0.0).sqrt();
         let m_k = DVec3::new(root_det / q, 0.0, 0.0);

@@ -15,9 +15,11 @@ fn direction(rng: &mut Pcg32) -> Vec3 {
 /// S = A A': the linear map A of the ellipsoid of a fibre or a surface, and S itself.
 fn ellipsoid(fibre: bool, roughness: f32, rotation: Quat) -> (DMat3, Sggx) {
     let r = Mat3::from_quat(rotation);
-    let axes = if fibre { Vec3::new(1.0, 1.0, roughness) } else { Vec3::new(roughness, roughness, 1.0) };
+    let axes =
+        if fibre { Vec3::new(1.0, 1.0, roughness) } else { Vec3::new(roughness, roughness, 1.0) };
     let a = (r * Mat3::from_diagonal(axes)).as_dmat3();
-    let s = if fibre { Sggx::fibre(r.z_axis, roughness) } else { Sggx::surface(r.z_axis, roughness) };
+    let s =
+        if fibre { Sggx::fibre(r.z_axis, roughness) } else { Sggx::surface(r.z_axis, roughness) };
     (a, s)
 }
 
@@ -237,7 +239,10 @@ fn grids_interpolate_positive_matrices() {
                 - 1.5;
             let s = grid.at_index(p);
             let [low, _, high] = s.eigenvalues().unwrap();
-            assert!(low > 0.0 && high.sqrt() <= f64::from(grid.largest_area()), "{i} {p}: {low} {high}");
+            assert!(
+                low > 0.0 && high.sqrt() <= f64::from(grid.largest_area()),
+                "{i} {p}: {low} {high}"
+            );
             let w = direction(&mut rng);
             assert!(s.projected_area(w) <= grid.largest_area());
         }
@@ -272,10 +277,7 @@ fn matrices_are_checked_and_lifted() {
 /// The placement's rotation turns flakes, its scale does not.
 #[test]
 fn placements_turn_flakes() {
-    let rotation = DMat3::from_quat(glam::DQuat::from_axis_angle(
-        DVec3::new(0.6, 0.0, 0.8),
-        1.1,
-    ));
+    let rotation = DMat3::from_quat(glam::DQuat::from_axis_angle(DVec3::new(0.6, 0.0, 0.8), 1.1));
     let placement = rotation * DMat3::from_diagonal(DVec3::splat(7.0));
     let fibre = FlakeShape::Constant(Sggx::fibre(Vec3::X, 0.1));
     let flakes = Flakes::new(fibre, FlakeScattering::Specular, placement);

@@ -23,8 +23,10 @@ pub use mie_fit::{MAX_DIAMETER, MIN_DIAMETER, MieFit};
 pub use tabulated::{MAX_ROWS, Tabulated};
 
 use crate::elementary::sin_cos_turn;
+use crate::flakes::{Flakes, Sggx};
 use glam::{DVec3, Vec3};
-use std::f32::consts::PI;
+use rand_core::Rng;
+use std::f32::consts::{FRAC_1_PI, PI};
 use std::fmt;
 use std::sync::Arc;
 
@@ -45,6 +47,8 @@ pub enum Phase {
     ByGrid(Arc<CosineGrid>),
     /// Any sum of lobes.
     Mixture(Arc<Mixture>),
+    /// Small flakes, which give the medium an extinction that depends on direction, too.
+    Flakes(Arc<Flakes>),
 }
 
 impl Phase {
@@ -66,26 +70,47 @@ impl Phase {
         }
     }
 
-    /// The phase function at a point of the medium's index space, which is asked for only if it matters.
+    /// The phase function at a point of the medium's index space, which is asked for only if it matters, for light that arrives along `incoming`. Random numbers are
+    /// drawn for diffuse flakes alone.
     #[inline(always)]
-    pub fn at(&self, p_index: impl FnOnce() -> DVec3) -> PhaseAt<'_> {
+    pub fn at<R: Rng + ?Sized>(
+        &self,
+        p_index: impl FnOnce() -> DVec3,
+        incoming: Vec3,
+        rng: &mut R,
+    ) -> PhaseAt<'_> {
         match self {
             Phase::Isotropic => PhaseAt::Isotropic,
             Phase::HenyeyGreenstein { g } => PhaseAt::HenyeyGreenstein { g: *g },
             // Two comparisons and a jump for all others.
-            _ => self.at_other(p_index),
+            _ => self.at_other(p_index, incoming, rng),
         }
     }
 
     /// The rest, out of the way of kernels that need none of it.
     #[cold]
     #[inline(never)]
-    fn at_other(&self, p_index: impl FnOnce() -> DVec3) -> PhaseAt<'_> {
+    fn at_other<R: Rng + ?Sized>(
+        &self,
+        p_index: impl FnOnce() -> DVec3,
+        incoming: Vec3,
+        rng: &mut R,
+    ) -> PhaseAt<'_> {
         match self {
             Phase::Isotropic => PhaseAt::Isotropic,
             Phase::HenyeyGreenstein { g } => PhaseAt::HenyeyGreenstein { g: *g },
             Phase::ByGrid(grid) => PhaseAt::HenyeyGreenstein { g: grid.at_index(p_index()) },
             Phase::Mixture(mixture) => PhaseAt::Mixture(mixture),
+            Phase::Flakes(flakes) => flakes.at(p_index, incoming, rng),
+        }
+    }
+
+    /// The flakes, if it is a medium of such.
+    #[inline(always)]
+    pub fn flakes(&self) -> Option<&Flakes> {
+        match self {
+            Phase::Flakes(flakes) => Some(flakes),
+            _ => None,
         }
     }
 }
@@ -100,6 +125,7 @@ impl fmt::Display for Phase {
                 write!(f, "henyey_greenstein g by grid {low:.4} to {high:.4}")
             }
             Phase::Mixture(mixture) => mixture.fmt(f),
+            Phase::Flakes(flakes) => flakes.fmt(f),
         }
     }
 }
@@ -117,6 +143,13 @@ pub enum PhaseAt<'a> {
     Isotropic,
     /// Any sum of lobes.
     Mixture(&'a Mixture),
+    /// Flakes that mirror.
+    Flakes(Sggx),
+    /// One diffuse flake, which faces the light that arrives.
+    Flake {
+        /// Unit normal.
+        normal: Vec3,
+    },
 }
 
 impl PhaseAt<'_> {
@@ -130,10 +163,10 @@ impl PhaseAt<'_> {
         }
     }
 
-    /// Mean cosine of the scattering angle.
+    /// Mean cosine of the scattering angle; 0 for flakes, where it depends on the direction.
     pub fn mean_cosine(&self) -> f32 {
         match self {
-            PhaseAt::Isotropic => 0.0,
+            PhaseAt::Isotropic | PhaseAt::Flakes(_) | PhaseAt::Flake { .. } => 0.0,
             PhaseAt::HenyeyGreenstein { g } => *g,
             PhaseAt::Mixture(mixture) => mixture.mean_cosine(),
         }
@@ -150,6 +183,8 @@ impl PhaseAt<'_> {
                 henyey_greenstein::value(g.abs(), one_minus)
             }
             PhaseAt::Mixture(mixture) => eval_mixture(mixture, incoming, wi),
+            PhaseAt::Flakes(ref s) => eval_flakes(s, incoming, wi),
+            PhaseAt::Flake { normal } => eval_flake(normal, wi),
         }
     }
 
@@ -168,6 +203,8 @@ impl PhaseAt<'_> {
                 )
             }
             PhaseAt::Mixture(mixture) => sample_mixture(mixture, u[0]),
+            PhaseAt::Flakes(ref s) => return sample_flakes(s, incoming, u),
+            PhaseAt::Flake { normal } => return sample_flake(normal, u),
         };
         let (sin_phi, cos_phi) = sin_cos_turn(u[1]);
         let (x, y) = basis(incoming);
@@ -183,6 +220,34 @@ impl PhaseAt<'_> {
 #[inline(never)]
 fn eval_mixture(mixture: &Mixture, incoming: Vec3, wi: Vec3) -> f32 {
     mixture.eval(Cosine::between(incoming, wi))
+}
+
+#[cold]
+#[inline(never)]
+fn eval_flakes(s: &Sggx, incoming: Vec3, wi: Vec3) -> f32 {
+    s.specular(incoming, wi)
+}
+
+#[cold]
+#[inline(never)]
+fn sample_flakes(s: &Sggx, incoming: Vec3, u: [f32; 2]) -> (Vec3, f32) {
+    s.sample_specular(incoming, u)
+}
+
+#[cold]
+#[inline(never)]
+fn eval_flake(normal: Vec3, wi: Vec3) -> f32 {
+    normal.dot(wi).max(0.0) * FRAC_1_PI
+}
+
+#[cold]
+#[inline(never)]
+fn sample_flake(normal: Vec3, u: [f32; 2]) -> (Vec3, f32) {
+    let (sin_phi, cos_phi) = sin_cos_turn(u[1]);
+    let (x, y) = basis(normal);
+    let (sin, cos) = (u[0].sqrt(), (1.0 - u[0]).sqrt());
+    let wi = (x * (sin * cos_phi) + y * (sin * sin_phi) + normal * cos).normalize();
+    (wi, eval_flake(normal, wi))
 }
 
 /// Cosine, sine and density.

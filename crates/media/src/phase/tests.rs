@@ -125,7 +125,7 @@ fn directions_have_the_mean_cosine_and_their_density_is_the_value() {
     laws.push(("isotropic of paths".into(), Phase::Isotropic));
     laws.extend(GS.map(|g| (format!("g {g} of paths"), Phase::henyey_greenstein(g))));
     for (k, (name, phase)) in laws.into_iter().enumerate() {
-        let phase = phase.at(|| DVec3::ZERO);
+        let phase = phase.at(|| DVec3::ZERO, Vec3::Z, &mut Pcg32::new(0, 0));
         let mut rng = Pcg32::new(k as u64, 11);
         let n = 20_000;
         let (mut sum, mut squares) = (DVec3::ZERO, DVec3::ZERO);
@@ -317,7 +317,12 @@ fn the_mean_cosine_comes_from_the_grid() {
     }
     assert_eq!(g(100.0), -0.5);
     let phase = Phase::ByGrid(Arc::new(grid));
-    assert!((phase.at(|| DVec3::new(4.0, 0.0, 0.0)).mean_cosine() - 0.5).abs() < 1e-6);
+    assert!(
+        (phase.at(|| DVec3::new(4.0, 0.0, 0.0), Vec3::Z, &mut Pcg32::new(0, 0)).mean_cosine()
+            - 0.5)
+            .abs()
+            < 1e-6
+    );
     assert!(CosineGrid::new(&tree, f32::NAN, 0.0, to_index).is_err());
     let broken = tree.map(|v| if v == 1.0 { f32::NAN } else { v });
     let grid = CosineGrid::new(&broken, 1.0, 0.25, DAffine3::IDENTITY).unwrap();
