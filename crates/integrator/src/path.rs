@@ -113,7 +113,12 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
             beta = flown.beta;
             let mut event = match (&collision, hit) {
                 (Some(collision), _) => {
-                    let (phase, albedo) = self.media.properties(collision, ray.at(collision.t));
+                    let (phase, albedo) = self.media.properties(
+                        collision,
+                        ray.at(collision.t),
+                        ray.direction,
+                        sampler,
+                    );
                     Event::Collision { t: collision.t, phase, albedo }
                 }
                 (None, Some(hit)) => Event::Surface(hit),
@@ -472,7 +477,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
             return Vec3::ZERO;
         };
         let mut scattered = Vec3::ZERO;
-        self.media.scattering(p, |sigma_s, phase| {
+        self.media.scattering(p, ray.direction, sampler, |sigma_s, phase| {
             scattered += sigma_s * phase.eval(ray.direction, sample.wi);
         });
         tally.lookups += 1;

@@ -86,16 +86,28 @@ impl Media for Recorder<'_> {
         self.media.transmittance(ray, t_max, threshold, rng, tally)
     }
 
-    fn scattering(&self, p_world: DVec3, visit: impl FnMut(Vec3, PhaseAt<'_>)) {
-        self.media.scattering(p_world, visit);
+    fn scattering<R: Rng>(
+        &self,
+        p_world: DVec3,
+        incoming: Vec3,
+        rng: &mut R,
+        visit: impl FnMut(Vec3, PhaseAt<'_>),
+    ) {
+        self.media.scattering(p_world, incoming, rng, visit);
     }
 
     fn extent(&self, ray: &Ray, t_max: f64) -> Option<(f64, f64)> {
         self.media.extent(ray, t_max)
     }
 
-    fn properties(&self, collision: &Collision, p_world: DVec3) -> (PhaseAt<'_>, Vec3) {
-        self.media.properties(collision, p_world)
+    fn properties<R: Rng>(
+        &self,
+        collision: &Collision,
+        p_world: DVec3,
+        incoming: Vec3,
+        rng: &mut R,
+    ) -> (PhaseAt<'_>, Vec3) {
+        self.media.properties(collision, p_world, incoming, rng)
     }
 }
 

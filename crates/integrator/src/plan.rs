@@ -124,10 +124,12 @@ impl Plan {
         let grey = volumes.iter().all(|v| v.grey);
         let surfaces = scene.surfaces.as_deref();
         let fires = scene.fires().count();
+        let flakes = || scene.volumes.iter().filter_map(|volume| volume.medium.phase().flakes());
+        let of_flakes = flakes().next().is_some();
         let kernel = match volumes.len() {
             _ if surfaces.is_some() || fires > 0 => KernelKind::Whole,
             0 => KernelKind::Empty,
-            1 if grids == 1 && grey => KernelKind::SingleGrey,
+            1 if grids == 1 && grey && !of_flakes => KernelKind::SingleGrey,
             _ => KernelKind::Overlapping,
         };
         reasons.push(match kernel {
@@ -145,6 +147,9 @@ impl Plan {
                     counts.instances,
                     volumes.len()
                 )
+            }
+            KernelKind::Overlapping if of_flakes && volumes.len() == 1 => {
+                "flakes: extinction differs by the direction of the ray".to_owned()
             }
             KernelKind::Overlapping if grey => {
                 format!("{} media: collisions are taken in order along the ray", volumes.len())
@@ -178,6 +183,15 @@ impl Plan {
             );
         }
         let methods = choose(scene, settings, grey, &mut reasons)?;
+        let exact = methods.transmittance == Estimator::Regular
+            || methods.distance == DistanceSampler::Regular;
+        if exact && flakes().any(|flakes| flakes.by_grid()) {
+            return Err(Error::Invalid {
+                what: "`regular` integrates along rays exactly, which flakes by grid do not allow: their projected area is the root of what is interpolated"
+                    .into(),
+                remedy: "leave sampling.transmittance and sampling.distance to the plan".into(),
+            });
+        }
         let equiangular = choose_equiangular(scene, settings, &lights, &mut reasons);
         if mis && !methods.weigh_the_way() {
             reasons.push(format!(
@@ -241,7 +255,12 @@ impl Plan {
             methods.distance,
             DistanceSampler::Delta | DistanceSampler::Spectral | DistanceSampler::WeightedDelta
         );
-        if grids > 0 && tracked && methods.transmittance == Estimator::Ratio && !plan.equiangular {
+        if grids > 0
+            && !of_flakes
+            && tracked
+            && methods.transmittance == Estimator::Ratio
+            && !plan.equiangular
+        {
             let pilot = Pilot::new(scene, &plan, settings, PILOT_PATHS);
             let cost = pilot.cost_on(&plan.media);
             plan.predicted = Some(PathCost::new(cost.collisions, cost.steps, pilot.collisions()));

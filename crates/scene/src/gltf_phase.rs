@@ -3,13 +3,14 @@
 use std::path::Path;
 
 use crate::error::Error;
+use crate::flake_spec::{FlakeScatteringSpec, FlakeShapeSpec, FlakeSpec};
 use crate::gltf_volume::Flat;
 use crate::json::nearest;
 use crate::phase_spec::{CosineGridSpec, CosineSpec, PhaseSpec};
 use crate::uri::resolve_name;
 
 /// Types of phase functions that flat keys can say, and the keys of each.
-const TYPES: [(&str, &[&str]); 7] = [
+const TYPES: [(&str, &[&str]); 8] = [
     ("isotropic", &[]),
     ("henyey_greenstein", &["pileus_g", "pileus_g_grid", "pileus_g_scale", "pileus_g_offset"]),
     ("two_lobe", &["pileus_g_forward", "pileus_g_backward", "pileus_weight_forward"]),
@@ -17,6 +18,19 @@ const TYPES: [(&str, &[&str]); 7] = [
     ("draine", &["pileus_g", "pileus_alpha"]),
     ("mie", &["pileus_droplet_diameter"]),
     ("tabulated", &["pileus_phase_file"]),
+    (
+        "sggx",
+        &[
+            "pileus_flakes",
+            "pileus_flake_shape",
+            "pileus_flake_axis",
+            "pileus_flake_axis_grid",
+            "pileus_flake_roughness",
+            "pileus_flake_roughness_grid",
+            "pileus_flake_diagonal_grid",
+            "pileus_flake_off_diagonal_grid",
+        ],
+    ),
 ];
 
 /// The phase function that flat keys describe: of the type that `pileus_phase` names, or of the first type that has one of the keys given.
@@ -80,8 +94,51 @@ pub(crate) fn flat_phase(flat: &Flat<'_>, base: &Path) -> Result<Option<PhaseSpe
                 flat.text("pileus_phase_file")?.ok_or_else(|| missing("pileus_phase_file"))?;
             PhaseSpec::Tabulated { file: resolve_name(base, &file).to_string_lossy().into_owned() }
         }
+        "sggx" => {
+            let shape = choice(flat, "pileus_flake_shape", &FLAKE_SHAPES)?;
+            PhaseSpec::Sggx {
+                flakes: choice(flat, "pileus_flakes", &FLAKE_SCATTERING)?,
+                distribution: FlakeSpec {
+                    shape: shape.ok_or_else(|| missing("pileus_flake_shape"))?,
+                    axis: flat.vector("pileus_flake_axis")?,
+                    axis_grid: flat.text("pileus_flake_axis_grid")?,
+                    roughness: flat.number("pileus_flake_roughness")?,
+                    roughness_grid: flat.text("pileus_flake_roughness_grid")?,
+                    diagonal: None,
+                    off_diagonal: None,
+                    diagonal_grid: flat.text("pileus_flake_diagonal_grid")?,
+                    off_diagonal_grid: flat.text("pileus_flake_off_diagonal_grid")?,
+                },
+            }
+        }
         _ => PhaseSpec::Isotropic {},
     }))
+}
+
+const FLAKE_SHAPES: [(&str, FlakeShapeSpec); 4] = [
+    ("isotropic", FlakeShapeSpec::Isotropic),
+    ("fibre", FlakeShapeSpec::Fibre),
+    ("surface", FlakeShapeSpec::Surface),
+    ("matrix", FlakeShapeSpec::Matrix),
+];
+
+const FLAKE_SCATTERING: [(&str, FlakeScatteringSpec); 2] =
+    [("specular", FlakeScatteringSpec::Specular), ("diffuse", FlakeScatteringSpec::Diffuse)];
+
+/// One of a few names.
+fn choice<T: Copy>(flat: &Flat<'_>, key: &str, choices: &[(&str, T)]) -> Result<Option<T>, Error> {
+    let Some(name) = flat.text(key)? else { return Ok(None) };
+    match choices.iter().find(|(known, _)| *known == name) {
+        Some((_, value)) => Ok(Some(*value)),
+        None => {
+            let known: Vec<&str> = choices.iter().map(|(known, _)| *known).collect();
+            Err(Error::invalid(
+                flat.place(key),
+                format!("`{key}` is `{name}`"),
+                format!("give one of `{}`", known.join("`, `")),
+            ))
+        }
+    }
 }
 
 fn mean_cosine(flat: &Flat<'_>) -> Result<Option<CosineSpec>, Error> {
@@ -134,6 +191,18 @@ mod tests {
             (
                 r#"{"type":"draine","g":0.5,"alpha":3}"#,
                 r#""pileus_phase":"draine","pileus_g":0.5,"pileus_alpha":3"#,
+            ),
+            (
+                r#"{"type":"sggx","flakes":"diffuse","distribution":{"shape":"fibre","axis":[0,1,0],"roughness":0.1}}"#,
+                r#""pileus_flakes":"diffuse","pileus_flake_shape":"fibre","pileus_flake_axis":[0,1,0],"pileus_flake_roughness":0.1"#,
+            ),
+            (
+                r#"{"type":"sggx","distribution":{"shape":"surface","axis_grid":"n","roughness_grid":"r"}}"#,
+                r#""pileus_flake_shape":"surface","pileus_flake_axis_grid":"n","pileus_flake_roughness_grid":"r""#,
+            ),
+            (
+                r#"{"type":"sggx","distribution":{"shape":"matrix","diagonal_grid":"d","off_diagonal_grid":"o"}}"#,
+                r#""pileus_flake_shape":"matrix","pileus_flake_diagonal_grid":"d","pileus_flake_off_diagonal_grid":"o""#,
             ),
             (r#"{"type":"mie","droplet_diameter":12}"#, r#""pileus_droplet_diameter":12"#),
             (r#"{"type":"tabulated","file":"a b.csv"}"#, r#""pileus_phase_file":"a b.csv""#),

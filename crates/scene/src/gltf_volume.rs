@@ -19,7 +19,7 @@ pub(crate) const EXTENSION: &str = "PILEUS_volume";
 const NESTED: &str = "pileus_volume";
 
 /// Flat keys of `extras`, what Blender writes from an object's custom properties.
-const FLAT: [&str; 23] = [
+const FLAT: [&str; 31] = [
     "pileus_vdb",
     "pileus_grid",
     "pileus_density_scale",
@@ -35,6 +35,14 @@ const FLAT: [&str; 23] = [
     "pileus_weight_forward",
     "pileus_droplet_diameter",
     "pileus_phase_file",
+    "pileus_flakes",
+    "pileus_flake_shape",
+    "pileus_flake_axis",
+    "pileus_flake_axis_grid",
+    "pileus_flake_roughness",
+    "pileus_flake_roughness_grid",
+    "pileus_flake_diagonal_grid",
+    "pileus_flake_off_diagonal_grid",
     "pileus_extinction",
     "pileus_temperature_grid",
     "pileus_temperature_scale",
@@ -215,6 +223,15 @@ impl Flat<'_> {
         match self.extras.get(key) {
             None => Ok(None),
             Some(value) => value.as_f64().map(Some).ok_or_else(|| self.wrong(key, "a number")),
+        }
+    }
+
+    /// A vector of three numbers.
+    pub(crate) fn vector(&self, key: &str) -> Result<Option<[f64; 3]>, Error> {
+        match self.rgb(key)? {
+            None => Ok(None),
+            Some(Rgb::Channels(vector)) => Ok(Some(vector)),
+            Some(Rgb::Grey(_)) => Err(self.wrong(key, "three numbers")),
         }
     }
 

@@ -8,6 +8,8 @@ mod emission;
 pub mod environment;
 mod environment_file;
 pub mod error;
+pub mod flake_spec;
+mod flakes;
 pub mod gltf;
 mod gltf_accessor;
 mod gltf_buffer;

@@ -2,23 +2,38 @@
 
 use std::io::Read;
 use std::path::Path;
+use std::sync::Arc;
 
+use glam::DAffine3;
 use pileus_media::Phase;
+use pileus_media::flakes::{FlakeScattering, Flakes};
 use pileus_media::phase::{Draine, Lobe, MAX_G, MieFit, Mixture, Tabulated};
 
 use crate::error::{Error, Place};
+use crate::flake_spec::FlakeScatteringSpec;
+use crate::flakes::FlakeGrids;
 use crate::phase_spec::{CosineSpec, LobeSpec, PhaseSpec};
 
 /// Largest table in bytes.
 const MAX_TABLE: u64 = 64 << 20;
 
-/// The phase function of a volume; its place in the specification is `/phase`. Grids are not looked up here.
+/// The phase function of a volume whose placement is this; its place in the specification is `/phase`. Mean cosines by grid are not looked up here.
 pub(crate) fn phase(
     spec: Option<&PhaseSpec>,
+    placement: &DAffine3,
     place: &dyn Fn(&str) -> Place,
+    grids: Option<&mut dyn FlakeGrids>,
 ) -> Result<Phase, Error> {
     match spec {
         None => Ok(Phase::Isotropic),
+        Some(PhaseSpec::Sggx { flakes, distribution }) => {
+            let shape = crate::flakes::shape(distribution, place, grids)?;
+            let scattering = match flakes.unwrap_or_default() {
+                FlakeScatteringSpec::Specular => FlakeScattering::Specular,
+                FlakeScatteringSpec::Diffuse => FlakeScattering::Diffuse,
+            };
+            Ok(Phase::Flakes(Arc::new(Flakes::new(shape, scattering, placement.matrix3))))
+        }
         Some(spec) => mixture(spec, place, "/phase").map(Phase::mixture),
     }
 }
@@ -78,6 +93,11 @@ fn mixture(
         PhaseSpec::Mie { droplet_diameter } => MieFit::new(*droplet_diameter)
             .and_then(|fit| fit.mixture())
             .map_err(|source| Error::medium(at("/droplet_diameter"), source)),
+        PhaseSpec::Sggx { .. } => Err(Error::unsupported(
+            at("/type"),
+            "flakes cannot be a lobe of a mixture: they have an extinction of their own",
+            "write two volumes: media may overlap",
+        )),
         PhaseSpec::Tabulated { file } => {
             let table = read_table(Path::new(file), &at("/file"))?;
             Ok(Mixture::of(Lobe::Tabulated(table)))
@@ -155,7 +175,7 @@ mod tests {
 
     fn load(text: &str) -> Result<Phase, Error> {
         let spec: PhaseSpec = json::parse(text).unwrap();
-        phase(Some(&spec), &|key| Place::part("a.json", key))
+        phase(Some(&spec), &DAffine3::IDENTITY, &|key| Place::part("a.json", key), None)
     }
 
     #[test]

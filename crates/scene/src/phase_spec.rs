@@ -3,6 +3,7 @@
 use std::borrow::Cow;
 use std::fmt;
 
+use crate::flake_spec::{FlakeScatteringSpec, FlakeSpec};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::{self, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -50,6 +51,16 @@ pub enum PhaseSpec {
         /// Diameter of the droplets in micrometres, 0.01 to 50.
         #[schemars(extend("examples" = [10]))]
         droplet_diameter: f64,
+    },
+    /// Small flakes [Jakob et al. 2010] with normals by the SGGX distribution [Heitz et al. 2015]. The extinction depends on direction: it is the
+    /// density times the area that flakes show, 1 where all face the ray.
+    Sggx {
+        /// How a flake scatters.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        #[schemars(extend("default" = "specular"))]
+        flakes: Option<FlakeScatteringSpec>,
+        /// How their normals are distributed.
+        distribution: FlakeSpec,
     },
     /// A table of measured or computed values.
     Tabulated {

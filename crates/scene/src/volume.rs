@@ -15,10 +15,11 @@ use pileus_vdb::{GridClass, GridInfo, Tree, ValueType, Values, VdbFile};
 
 use crate::emission::EmissionParts;
 use crate::error::{Error, Place};
+use crate::flakes::FlakeGrids;
 use crate::phase_spec::{CosineSpec, PhaseSpec};
 use crate::uri::with_frame;
 use crate::volume_spec::{
-    AlbedoSpec, DEFAULT_ALBEDO, DensitySpec, HomogeneousSpec, InterpolationSpec, Rgb,
+    AlbedoSpec, DEFAULT_ALBEDO, DensitySpec, EmissionSpec, HomogeneousSpec, InterpolationSpec, Rgb,
     TransformSpec, UpAxis, VolumeSpec,
 };
 
@@ -150,7 +151,15 @@ impl VolumeLoader {
             placement * affine(info.transform.matrix().map_err(|e| vdb_error("/vdb", e))?);
         let grid = self.grid(&file, &path, index, interpolation, &|| place("/vdb"))?;
         let albedo = self.albedo(request, &file, &path, info)?;
-        let phase = self.phase(request, &file, &path, info)?;
+        let phase = self.phase(request, &file, &path, info, &placement)?;
+        if phase.flakes().is_some() && matches!(spec.emission, Some(EmissionSpec::Blackbody { .. }))
+        {
+            return Err(Error::unsupported(
+                place("/emission"),
+                "black bodies made of flakes would glow by direction, which is not modelled",
+                "give the fire a volume of its own: media may overlap",
+            ));
+        }
         let scale = match density.scale {
             Some(scale) => scale,
             None => match request.default_scale {
@@ -329,11 +338,13 @@ impl VolumeLoader {
         file: &VdbFile,
         path: &Path,
         density: &GridInfo,
+        placement: &DAffine3,
     ) -> Result<Phase, Error> {
         let place = request.place;
         let spec = request.spec.phase.as_ref();
         let Some(PhaseSpec::HenyeyGreenstein { g: CosineSpec::Grid(by_grid) }) = spec else {
-            return crate::phase::phase(spec, place);
+            let mut grids = PhaseGrids { loader: self, place, file, path, density };
+            return crate::phase::phase(spec, placement, place, Some(&mut grids));
         };
         let at = || place("/phase/g/grid");
         let vdb_error = |source| Error::vdb(at(), source);
@@ -350,6 +361,57 @@ impl VolumeLoader {
             .map_err(|source| Error::medium(place("/phase/g"), source))?;
         self.seconds_build += start.elapsed().as_secs_f64();
         Ok(Phase::ByGrid(Arc::new(grid)))
+    }
+}
+
+/// Grids of a phase function, from the file of its density.
+struct PhaseGrids<'a> {
+    loader: &'a mut VolumeLoader,
+    place: &'a dyn Fn(&str) -> Place,
+    file: &'a VdbFile,
+    path: &'a Path,
+    density: &'a GridInfo,
+}
+
+impl PhaseGrids<'_> {
+    fn read(
+        &mut self,
+        name: &str,
+        key: &str,
+    ) -> Result<(pileus_vdb::Grid, DAffine3, Place), Error> {
+        let at = || (self.place)(&format!("{}/{key}", crate::flakes::POINTER));
+        let vdb_error = |source| Error::vdb(at(), source);
+        let index = self.file.find(name).map_err(vdb_error)?;
+        let info = grid_info(self.file, index, self.path)?;
+        let map = between(self.density, info, &at)?;
+        let start = Instant::now();
+        let grid = self.file.read(index).map_err(vdb_error)?;
+        self.loader.seconds_load += start.elapsed().as_secs_f64();
+        Ok((grid, map, at()))
+    }
+}
+
+impl FlakeGrids for PhaseGrids<'_> {
+    fn vectors(&mut self, name: &str, key: &str) -> Result<(Tree<[f32; 3]>, DAffine3), Error> {
+        let (grid, map, place) = self.read(name, key)?;
+        let tree = match grid.values {
+            Values::Vec3f(tree) => tree,
+            Values::Vec3d(tree) => tree.map(|v| v.map(|c| c as f32)),
+            _ => {
+                return Err(Error::invalid(
+                    place,
+                    format!("grid {} holds no vectors", describe(&grid.info)),
+                    "name a grid of type vec3s or vec3d",
+                ));
+            }
+        };
+        Ok((tree, map))
+    }
+
+    fn numbers(&mut self, name: &str, key: &str) -> Result<(Tree<f32>, DAffine3), Error> {
+        let (grid, map, place) = self.read(name, key)?;
+        let tree = grid.to_float().map_err(|source| Error::vdb(place, source))?;
+        Ok((tree, map))
     }
 }
 
@@ -405,7 +467,7 @@ fn load_homogeneous(
         Some(AlbedoSpec::Constant(rgb)) => constant_albedo(*rgb, place)?,
         None => constant_albedo(Rgb::Grey(DEFAULT_ALBEDO), place)?,
     };
-    let phase = crate::phase::phase(spec.phase.as_ref(), place)?;
+    let phase = crate::phase::phase(spec.phase.as_ref(), placement, place, None)?;
     let bounds = homogeneous.bounds.map(|bounds| bounds.map(DVec3::from_array));
     let bounds = match bounds {
         None => None,

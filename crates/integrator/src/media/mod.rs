@@ -106,12 +106,24 @@ pub(crate) trait Media: Sync {
         tally: &mut Tally,
     ) -> Shadow;
 
-    /// Calls `visit` with scattering coefficient per channel, 1/length, and phase function of every medium at a point.
-    fn scattering(&self, p_world: DVec3, visit: impl FnMut(Vec3, PhaseAt<'_>));
+    /// Calls `visit` with scattering coefficient per channel, 1/length, and phase function of every medium at a point, for light that arrives along `incoming`.
+    fn scattering<R: Rng>(
+        &self,
+        p_world: DVec3,
+        incoming: Vec3,
+        rng: &mut R,
+        visit: impl FnMut(Vec3, PhaseAt<'_>),
+    );
 
     /// The part of a ray up to `t_max` that may hold extinction.
     fn extent(&self, ray: &Ray, t_max: f64) -> Option<(f64, f64)>;
 
-    /// Phase function and albedo at a collision.
-    fn properties(&self, collision: &Collision, p_world: DVec3) -> (PhaseAt<'_>, Vec3);
+    /// Phase function and albedo at a collision of a ray along `incoming`.
+    fn properties<R: Rng>(
+        &self,
+        collision: &Collision,
+        p_world: DVec3,
+        incoming: Vec3,
+        rng: &mut R,
+    ) -> (PhaseAt<'_>, Vec3);
 }

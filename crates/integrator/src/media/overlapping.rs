@@ -12,6 +12,7 @@ use pileus_media::distance::{
     DistanceSampler, Flight, WeightedFlight, delta_tracking, delta_tracking_by_mean,
     real_probability, spectral_tracking,
 };
+use pileus_media::flakes::{FlakeRay, Flakes};
 use pileus_media::random::{exponential, uniform};
 use pileus_media::transmittance::{Estimator, RatioEstimate, ratio_tracking_with_roulette};
 use pileus_media::{
@@ -35,6 +36,9 @@ pub(crate) struct Overlapping<'a> {
 enum AnyRay<'a> {
     Grid(AnyGridRay<'a>),
     Homogeneous(HomogeneousRay),
+    /// The same of flakes.
+    GridOfFlakes(FlakeRay<'a, AnyGridRay<'a>>),
+    HomogeneousFlakes(FlakeRay<'a, HomogeneousRay>),
 }
 
 impl RayField for AnyRay<'_> {
@@ -42,30 +46,40 @@ impl RayField for AnyRay<'_> {
         match self {
             AnyRay::Grid(ray) => ray.next_segment(),
             AnyRay::Homogeneous(ray) => ray.next_segment(),
+            AnyRay::GridOfFlakes(ray) => ray.next_segment(),
+            AnyRay::HomogeneousFlakes(ray) => ray.next_segment(),
         }
     }
     fn minorant(&self) -> f32 {
         match self {
             AnyRay::Grid(ray) => ray.minorant(),
             AnyRay::Homogeneous(ray) => ray.minorant(),
+            AnyRay::GridOfFlakes(ray) => ray.minorant(),
+            AnyRay::HomogeneousFlakes(ray) => ray.minorant(),
         }
     }
     fn sigma_t(&self, t: f32) -> f32 {
         match self {
             AnyRay::Grid(ray) => ray.sigma_t(t),
             AnyRay::Homogeneous(ray) => ray.sigma_t(t),
+            AnyRay::GridOfFlakes(ray) => ray.sigma_t(t),
+            AnyRay::HomogeneousFlakes(ray) => ray.sigma_t(t),
         }
     }
     fn sigma_t_anywhere(&self, t: f32) -> f32 {
         match self {
             AnyRay::Grid(ray) => ray.sigma_t_anywhere(t),
             AnyRay::Homogeneous(ray) => ray.sigma_t_anywhere(t),
+            AnyRay::GridOfFlakes(ray) => ray.sigma_t_anywhere(t),
+            AnyRay::HomogeneousFlakes(ray) => ray.sigma_t_anywhere(t),
         }
     }
     fn steps(&self) -> u64 {
         match self {
             AnyRay::Grid(ray) => ray.steps(),
             AnyRay::Homogeneous(ray) => ray.steps(),
+            AnyRay::GridOfFlakes(ray) => ray.steps(),
+            AnyRay::HomogeneousFlakes(ray) => ray.steps(),
         }
     }
 }
@@ -75,12 +89,16 @@ impl ExactField for AnyRay<'_> {
         match self {
             AnyRay::Grid(ray) => ray.optical_depth(tally),
             AnyRay::Homogeneous(ray) => ray.optical_depth(tally),
+            AnyRay::GridOfFlakes(ray) => ray.optical_depth(tally),
+            AnyRay::HomogeneousFlakes(ray) => ray.optical_depth(tally),
         }
     }
     fn t_at_depth(&self, depth: f64, tally: &mut Tally) -> Result<f32, f64> {
         match self {
             AnyRay::Grid(ray) => ray.t_at_depth(depth, tally),
             AnyRay::Homogeneous(ray) => ray.t_at_depth(depth, tally),
+            AnyRay::GridOfFlakes(ray) => ray.t_at_depth(depth, tally),
+            AnyRay::HomogeneousFlakes(ray) => ray.t_at_depth(depth, tally),
         }
     }
 }
@@ -106,6 +124,9 @@ impl Walker<'_> {
 enum Entry<'a> {
     Grid(&'a GridMedium, Span),
     Homogeneous(&'a HomogeneousMedium, f64, f32),
+    /// The same of flakes, with the ray's direction.
+    GridOfFlakes(&'a GridMedium, &'a Flakes, Vec3, Span),
+    HomogeneousFlakes(&'a HomogeneousMedium, &'a Flakes, Vec3, (f64, f32)),
 }
 
 impl<'a> Entry<'a> {
@@ -114,11 +135,20 @@ impl<'a> Entry<'a> {
         match medium {
             Medium::Grid(grid) => {
                 let span = grid.span(ray.origin, ray.direction, t_max)?;
-                Some(Entry::Grid(grid, span))
+                Some(match grid.phase().flakes() {
+                    None => Entry::Grid(grid, span),
+                    Some(flakes) => Entry::GridOfFlakes(grid, flakes, ray.direction, span),
+                })
             }
             Medium::Homogeneous(medium) => {
                 let (t_enter, length) = medium.span(ray.origin, ray.direction, t_max)?;
-                Some(Entry::Homogeneous(medium, t_enter, length))
+                Some(match medium.phase().flakes() {
+                    None => Entry::Homogeneous(medium, t_enter, length),
+                    Some(flakes) => {
+                        let part = (t_enter, length);
+                        Entry::HomogeneousFlakes(medium, flakes, ray.direction, part)
+                    }
+                })
             }
         }
     }
@@ -126,8 +156,12 @@ impl<'a> Entry<'a> {
     /// Where the ray leaves.
     fn t_exit(&self) -> f64 {
         match self {
-            Entry::Grid(_, span) => span.t_enter + f64::from(span.length),
-            Entry::Homogeneous(_, t, length) => t + f64::from(*length),
+            Entry::Grid(_, span) | Entry::GridOfFlakes(.., span) => {
+                span.t_enter + f64::from(span.length)
+            }
+            Entry::Homogeneous(_, t, length) | Entry::HomogeneousFlakes(.., (t, length)) => {
+                t + f64::from(*length)
+            }
         }
     }
 
@@ -137,13 +171,14 @@ impl<'a> Entry<'a> {
         match self {
             Entry::Grid(grid, span) => grid.with_ray(span, kernel),
             Entry::Homogeneous(medium, _, length) => kernel.run(medium.ray(*length)),
+            Entry::GridOfFlakes(..) | Entry::HomogeneousFlakes(..) => kernel.run(self.field()),
         }
     }
 
     fn t(&self) -> f64 {
         match self {
-            Entry::Grid(_, span) => span.t_enter,
-            Entry::Homogeneous(_, t, _) => *t,
+            Entry::Grid(_, span) | Entry::GridOfFlakes(.., span) => span.t_enter,
+            Entry::Homogeneous(_, t, _) | Entry::HomogeneousFlakes(.., (t, _)) => *t,
         }
     }
 
@@ -152,6 +187,16 @@ impl<'a> Entry<'a> {
         match self {
             Entry::Grid(grid, span) => AnyRay::Grid(grid.any_ray(span)),
             Entry::Homogeneous(medium, _, length) => AnyRay::Homogeneous(medium.ray(*length)),
+            Entry::GridOfFlakes(grid, flakes, direction, span) => {
+                let density = grid.any_ray(span);
+                AnyRay::GridOfFlakes(grid.flake_ray(density, flakes, *direction, span))
+            }
+            Entry::HomogeneousFlakes(medium, flakes, direction, (_, length)) => {
+                let density = medium.ray(*length);
+                // The same everywhere: where the ray runs does not matter.
+                let ray = FlakeRay::new(density, flakes, *direction, [DVec3::ZERO; 2]);
+                AnyRay::HomogeneousFlakes(ray)
+            }
         }
     }
 }
@@ -168,7 +213,8 @@ fn closed_form(medium: &Medium, ray: &Ray, t_max: f64) -> Option<f32> {
         return None;
     }
     let length = medium.span(ray.origin, ray.direction, t_max).map_or(0.0, |(_, length)| length);
-    let tau = f64::from(medium.scale()) * f64::from(length);
+    let shown = medium.phase().flakes().map_or(1.0, |flakes| flakes.largest_area(ray.direction));
+    let tau = f64::from(medium.scale() * shown) * f64::from(length);
     // 0 x infinity: no extinction in all space.
     Some(if tau.is_nan() { 1.0 } else { libm::exp(-tau) as f32 })
 }
@@ -492,13 +538,20 @@ impl Media for Overlapping<'_> {
         shadow
     }
 
-    fn scattering(&self, p_world: DVec3, mut visit: impl FnMut(Vec3, PhaseAt<'_>)) {
+    fn scattering<R: Rng>(
+        &self,
+        p_world: DVec3,
+        incoming: Vec3,
+        rng: &mut R,
+        mut visit: impl FnMut(Vec3, PhaseAt<'_>),
+    ) {
         for index in self.index.around(p_world) {
             let medium = &self.media[index as usize];
             let sigma_t = medium.sigma_t_at(p_world) as f32;
             if sigma_t > 0.0 {
+                let sigma_t = sigma_t * medium.projected_area(p_world, incoming);
                 let sigma_t = medium.relative_extinction() * sigma_t;
-                visit(medium.albedo_at(p_world) * sigma_t, medium.phase_at(p_world));
+                visit(medium.albedo_at(p_world) * sigma_t, medium.phase_at(p_world, incoming, rng));
             }
         }
     }
@@ -514,8 +567,14 @@ impl Media for Overlapping<'_> {
         hull
     }
 
-    fn properties(&self, collision: &Collision, p_world: DVec3) -> (PhaseAt<'_>, Vec3) {
+    fn properties<R: Rng>(
+        &self,
+        collision: &Collision,
+        p_world: DVec3,
+        incoming: Vec3,
+        rng: &mut R,
+    ) -> (PhaseAt<'_>, Vec3) {
         let medium = &self.media[collision.medium];
-        (medium.phase_at(p_world), medium.albedo_at(p_world))
+        (medium.phase_at(p_world, incoming, rng), medium.albedo_at(p_world))
     }
 }

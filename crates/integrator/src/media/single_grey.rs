@@ -156,10 +156,19 @@ impl<V: Voxel, S: Structures> Media for SingleGrey<'_, V, S> {
         }
     }
 
-    fn scattering(&self, p_world: DVec3, mut visit: impl FnMut(Vec3, PhaseAt<'_>)) {
+    fn scattering<R: Rng>(
+        &self,
+        p_world: DVec3,
+        incoming: Vec3,
+        rng: &mut R,
+        mut visit: impl FnMut(Vec3, PhaseAt<'_>),
+    ) {
         let sigma_t = self.medium.sigma_t_at(p_world) as f32;
         if sigma_t > 0.0 {
-            visit(self.medium.albedo_at(p_world) * sigma_t, self.medium.phase_at(p_world));
+            visit(
+                self.medium.albedo_at(p_world) * sigma_t,
+                self.medium.phase_at(p_world, incoming, rng),
+            );
         }
     }
 
@@ -169,7 +178,13 @@ impl<V: Voxel, S: Structures> Media for SingleGrey<'_, V, S> {
     }
 
     #[inline(always)]
-    fn properties(&self, _: &Collision, p_world: DVec3) -> (PhaseAt<'_>, Vec3) {
-        (self.medium.phase_at(p_world), self.medium.albedo_at(p_world))
+    fn properties<R: Rng>(
+        &self,
+        _: &Collision,
+        p_world: DVec3,
+        incoming: Vec3,
+        rng: &mut R,
+    ) -> (PhaseAt<'_>, Vec3) {
+        (self.medium.phase_at(p_world, incoming, rng), self.medium.albedo_at(p_world))
     }
 }

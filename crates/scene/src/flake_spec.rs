@@ -1,0 +1,81 @@
+//! What a user writes about media of flakes.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// How a flake scatters light.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum FlakeScatteringSpec {
+    /// As a mirror.
+    #[default]
+    Specular,
+    /// As a matt surface.
+    Diffuse,
+}
+
+/// Kinds of distributions of flakes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum FlakeShapeSpec {
+    /// In all directions alike. Takes no other keys.
+    Isotropic,
+    /// Around a fibre: normals across an axis. Takes `axis` or `axis_grid`, `roughness` or `roughness_grid`.
+    Fibre,
+    /// Of a surface: normals along an axis. Takes the same keys.
+    Surface,
+    /// Any symmetric matrix S: the area shown to a unit direction w is the root of `w' S w`. Takes `diagonal` and `off_diagonal`, or a grid for both.
+    Matrix,
+}
+
+/// How the normals of flakes are distributed. Axes are those of the volume before its transform, and turn with it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FlakeSpec {
+    /// Kind of distribution.
+    pub shape: FlakeShapeSpec,
+    /// The axis, of any length.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("examples" = [[0, 1, 0]]))]
+    pub axis: Option<[f64; 3]>,
+    /// Grid of vectors with the axis; where it is 0, flakes are isotropic.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub axis_grid: Option<String>,
+    /// Area shown along a fibre or across a surface's normal, relative to the largest, 0.001 to 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("examples" = [0.1]))]
+    pub roughness: Option<f64>,
+    /// Grid of numbers with the roughness; needs `axis_grid`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub roughness_grid: Option<String>,
+    /// Entries xx, yy, zz of the matrix.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("examples" = [[1, 1, 0.01]]))]
+    pub diagonal: Option<[f64; 3]>,
+    /// Entries xy, xz, yz of the matrix; 0 if not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub off_diagonal: Option<[f64; 3]>,
+    /// Grid of vectors with xx, yy, zz; where all are 0, flakes are isotropic.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub diagonal_grid: Option<String>,
+    /// Grid of vectors with xy, xz, yz; needs `diagonal_grid`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub off_diagonal_grid: Option<String>,
+}
+
+impl FlakeSpec {
+    /// The names of the keys that are given, but for `shape`.
+    pub(crate) fn keys(&self) -> impl Iterator<Item = &'static str> {
+        let given = [
+            ("axis", self.axis.is_some()),
+            ("axis_grid", self.axis_grid.is_some()),
+            ("roughness", self.roughness.is_some()),
+            ("roughness_grid", self.roughness_grid.is_some()),
+            ("diagonal", self.diagonal.is_some()),
+            ("off_diagonal", self.off_diagonal.is_some()),
+            ("diagonal_grid", self.diagonal_grid.is_some()),
+            ("off_diagonal_grid", self.off_diagonal_grid.is_some()),
+        ];
+        given.into_iter().filter(|(_, given)| *given).map(|(key, _)| key)
+    }
+}
