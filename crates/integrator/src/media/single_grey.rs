@@ -1,4 +1,5 @@
-//! One grid of grey extinction: the kernel of most clouds. No channels, no list of media, no choice of voxel type.
+//! One grid of grey extinction: the kernel of most clouds. No channels, no list of media, no choice of voxel type, no phase
+//! functions but isotropic and Henyey-Greenstein.
 
 use super::{Collision, Flown, Media, Methods, Ray, Shadow};
 use glam::{DVec3, Vec3};
@@ -170,6 +171,8 @@ impl<V: Voxel, S: Structures> Media for SingleGrey<'_, V, S> {
 
     #[inline(always)]
     fn properties(&self, _: &Collision, p_world: DVec3) -> (PhaseAt<'_>, Vec3) {
-        (self.medium.phase_at(p_world), self.medium.albedo_at(p_world))
+        // The plan gives this kernel no other: none is compiled into it.
+        let phase = self.medium.phase().plain().unwrap_or(PhaseAt::Isotropic);
+        (phase, self.medium.albedo_at(p_world))
     }
 }

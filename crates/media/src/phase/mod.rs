@@ -66,21 +66,19 @@ impl Phase {
         }
     }
 
-    /// The phase function at a point of the medium's index space, which is asked for only if it matters.
+    /// The phase function if it is the same everywhere and one of those that paths hold in their own code.
     #[inline(always)]
-    pub fn at(&self, p_index: impl FnOnce() -> DVec3) -> PhaseAt<'_> {
+    pub fn plain(&self) -> Option<PhaseAt<'static>> {
         match self {
-            Phase::Isotropic => PhaseAt::Isotropic,
-            Phase::HenyeyGreenstein { g } => PhaseAt::HenyeyGreenstein { g: *g },
-            // Two comparisons and a jump for all others.
-            _ => self.at_other(p_index),
+            Phase::Isotropic => Some(PhaseAt::Isotropic),
+            Phase::HenyeyGreenstein { g } => Some(PhaseAt::HenyeyGreenstein { g: *g }),
+            _ => None,
         }
     }
 
-    /// The rest, out of the way of kernels that need none of it.
-    #[cold]
-    #[inline(never)]
-    fn at_other(&self, p_index: impl FnOnce() -> DVec3) -> PhaseAt<'_> {
+    /// The phase function at a point of the medium's index space, which is asked for only if it matters.
+    #[inline(always)]
+    pub fn at(&self, p_index: impl FnOnce() -> DVec3) -> PhaseAt<'_> {
         match self {
             Phase::Isotropic => PhaseAt::Isotropic,
             Phase::HenyeyGreenstein { g } => PhaseAt::HenyeyGreenstein { g: *g },
@@ -107,7 +105,6 @@ impl fmt::Display for Phase {
 /// The phase function at a point. Directions are unit vectors of propagation, before (`incoming`) and after (`wi`) the scattering.
 #[derive(Debug, Clone, Copy)]
 pub enum PhaseAt<'a> {
-    // First, since that is what most clouds ask for: one comparison.
     /// Henyey-Greenstein.
     HenyeyGreenstein {
         /// Mean cosine in [-0.999, 0.999].
@@ -179,14 +176,12 @@ impl PhaseAt<'_> {
 }
 
 /// Out of line, as its sibling: kernels of clouds by Henyey-Greenstein hold none of it.
-#[cold]
 #[inline(never)]
 fn eval_mixture(mixture: &Mixture, incoming: Vec3, wi: Vec3) -> f32 {
     mixture.eval(Cosine::between(incoming, wi))
 }
 
 /// Cosine, sine and density.
-#[cold]
 #[inline(never)]
 fn sample_mixture(mixture: &Mixture, u: f32) -> (f32, f32, f32) {
     let cosine = mixture.sample(u);
