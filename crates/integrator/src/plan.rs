@@ -122,6 +122,7 @@ impl Plan {
             scene.volumes.iter().map(|volume| describe(&volume.name, &volume.medium)).collect();
         let grids = scene.volumes.iter().filter(|v| matches!(*v.medium, Medium::Grid(_))).count();
         let grey = volumes.iter().all(|v| v.grey);
+        let plain = scene.volumes.iter().all(|v| v.medium.phase().plain().is_some());
         let surfaces = scene.surfaces.as_deref();
         let fires = scene.fires().count();
         let flakes = || scene.volumes.iter().filter_map(|volume| volume.medium.phase().flakes());
@@ -129,7 +130,7 @@ impl Plan {
         let kernel = match volumes.len() {
             _ if surfaces.is_some() || fires > 0 => KernelKind::Whole,
             0 => KernelKind::Empty,
-            1 if grids == 1 && grey && !of_flakes => KernelKind::SingleGrey,
+            1 if grids == 1 && grey && plain => KernelKind::SingleGrey,
             _ => KernelKind::Overlapping,
         };
         reasons.push(match kernel {
@@ -152,7 +153,12 @@ impl Plan {
                 "flakes: extinction differs by the direction of the ray".to_owned()
             }
             KernelKind::Overlapping if grey => {
-                format!("{} media: collisions are taken in order along the ray", volumes.len())
+                let phase = if grids == 1 && volumes.len() == 1 {
+                    "; the kernel of single grids knows no phase functions but isotropic and Henyey-Greenstein"
+                } else {
+                    ""
+                };
+                format!("{} media: collisions are taken in order along the ray{phase}", volumes.len())
             }
             KernelKind::Overlapping => {
                 "extinction differs per channel: throughput and transmittance have three channels"

@@ -1,4 +1,5 @@
-//! One grid of grey extinction: the kernel of most clouds. No channels, no list of media, no choice of voxel type.
+//! One grid of grey extinction: the kernel of most clouds. No channels, no list of media, no choice of voxel type, no phase
+//! functions but isotropic and Henyey-Greenstein.
 
 use super::{Collision, Flown, Media, Methods, Ray, Shadow};
 use glam::{DVec3, Vec3};
@@ -182,9 +183,11 @@ impl<V: Voxel, S: Structures> Media for SingleGrey<'_, V, S> {
         &self,
         _: &Collision,
         p_world: DVec3,
-        incoming: Vec3,
-        rng: &mut R,
+        _: Vec3,
+        _: &mut R,
     ) -> (PhaseAt<'_>, Vec3) {
-        (self.medium.phase_at(p_world, incoming, rng), self.medium.albedo_at(p_world))
+        // The plan gives this kernel no other: none is compiled into it.
+        let phase = self.medium.phase().plain().unwrap_or(PhaseAt::Isotropic);
+        (phase, self.medium.albedo_at(p_world))
     }
 }

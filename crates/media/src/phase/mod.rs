@@ -70,27 +70,20 @@ impl Phase {
         }
     }
 
+    /// The phase function if it is the same everywhere and one of those that paths hold in their own code.
+    #[inline(always)]
+    pub fn plain(&self) -> Option<PhaseAt<'static>> {
+        match self {
+            Phase::Isotropic => Some(PhaseAt::Isotropic),
+            Phase::HenyeyGreenstein { g } => Some(PhaseAt::HenyeyGreenstein { g: *g }),
+            _ => None,
+        }
+    }
+
     /// The phase function at a point of the medium's index space, which is asked for only if it matters, for light that arrives along `incoming`. Random numbers are
     /// drawn for diffuse flakes alone.
     #[inline(always)]
     pub fn at<R: Rng + ?Sized>(
-        &self,
-        p_index: impl FnOnce() -> DVec3,
-        incoming: Vec3,
-        rng: &mut R,
-    ) -> PhaseAt<'_> {
-        match self {
-            Phase::Isotropic => PhaseAt::Isotropic,
-            Phase::HenyeyGreenstein { g } => PhaseAt::HenyeyGreenstein { g: *g },
-            // Two comparisons and a jump for all others.
-            _ => self.at_other(p_index, incoming, rng),
-        }
-    }
-
-    /// The rest, out of the way of kernels that need none of it.
-    #[cold]
-    #[inline(never)]
-    fn at_other<R: Rng + ?Sized>(
         &self,
         p_index: impl FnOnce() -> DVec3,
         incoming: Vec3,
@@ -133,7 +126,6 @@ impl fmt::Display for Phase {
 /// The phase function at a point. Directions are unit vectors of propagation, before (`incoming`) and after (`wi`) the scattering.
 #[derive(Debug, Clone, Copy)]
 pub enum PhaseAt<'a> {
-    // First, since that is what most clouds ask for: one comparison.
     /// Henyey-Greenstein.
     HenyeyGreenstein {
         /// Mean cosine in [-0.999, 0.999].
@@ -216,31 +208,26 @@ impl PhaseAt<'_> {
 }
 
 /// Out of line, as its sibling: kernels of clouds by Henyey-Greenstein hold none of it.
-#[cold]
 #[inline(never)]
 fn eval_mixture(mixture: &Mixture, incoming: Vec3, wi: Vec3) -> f32 {
     mixture.eval(Cosine::between(incoming, wi))
 }
 
-#[cold]
 #[inline(never)]
 fn eval_flakes(s: &Sggx, incoming: Vec3, wi: Vec3) -> f32 {
     s.specular(incoming, wi)
 }
 
-#[cold]
 #[inline(never)]
 fn sample_flakes(s: &Sggx, incoming: Vec3, u: [f32; 2]) -> (Vec3, f32) {
     s.sample_specular(incoming, u)
 }
 
-#[cold]
 #[inline(never)]
 fn eval_flake(normal: Vec3, wi: Vec3) -> f32 {
     normal.dot(wi).max(0.0) * FRAC_1_PI
 }
 
-#[cold]
 #[inline(never)]
 fn sample_flake(normal: Vec3, u: [f32; 2]) -> (Vec3, f32) {
     let (sin_phi, cos_phi) = sin_cos_turn(u[1]);
@@ -251,7 +238,6 @@ fn sample_flake(normal: Vec3, u: [f32; 2]) -> (Vec3, f32) {
 }
 
 /// Cosine, sine and density.
-#[cold]
 #[inline(never)]
 fn sample_mixture(mixture: &Mixture, u: f32) -> (f32, f32, f32) {
     let cosine = mixture.sample(u);
