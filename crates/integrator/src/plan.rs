@@ -23,6 +23,8 @@ pub(crate) enum KernelKind {
     Empty,
     /// One grid, grey extinction.
     SingleGrey,
+    /// One grid, extinction per channel: channels part where their events differ.
+    SingleChromatic,
     /// A list of media, per channel.
     Overlapping,
     /// The same with surfaces and light from volumes.
@@ -128,6 +130,7 @@ impl Plan {
             _ if surfaces.is_some() || fires > 0 => KernelKind::Whole,
             0 => KernelKind::Empty,
             1 if grids == 1 && grey => KernelKind::SingleGrey,
+            1 if grids == 1 && settings.distance == Distance::Auto => KernelKind::SingleChromatic,
             _ => KernelKind::Overlapping,
         };
         reasons.push(match kernel {
@@ -146,6 +149,7 @@ impl Plan {
                     volumes.len()
                 )
             }
+            KernelKind::SingleChromatic => "one grid of extinction per channel".to_owned(),
             KernelKind::Overlapping if grey => {
                 format!("{} media: collisions are taken in order along the ray", volumes.len())
             }
@@ -251,6 +255,7 @@ impl Plan {
         match self.kernel {
             KernelKind::Empty => "empty",
             KernelKind::SingleGrey => "single_grey",
+            KernelKind::SingleChromatic => "single_chromatic",
             KernelKind::Overlapping => "overlapping",
             KernelKind::Whole => "whole",
         }

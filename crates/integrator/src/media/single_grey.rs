@@ -1,6 +1,6 @@
 //! One grid of grey extinction: the kernel of most clouds. No channels, no list of media, no choice of voxel type.
 
-use super::{Collision, Flown, Media, Methods, Ray, Shadow};
+use super::{Collision, Flown, Media, Methods, Others, Ray, Shadow};
 use glam::{DVec3, Vec3};
 use pileus_media::distance::{DistanceSampler, Flight, delta_tracking};
 use pileus_media::transmittance::{Estimator, ratio_tracking_with_roulette};
@@ -15,11 +15,12 @@ use std::marker::PhantomData;
 pub(crate) trait Structures: Sync {
     /// The partition that rays walk.
     type Cells<'a>: Partition;
-    /// The ray field of a span.
+    /// The ray field of a span, for a share of the extinction.
     fn ray<'a, V: Voxel>(
         medium: &'a GridMedium,
         voxels: &'a [V],
         span: &Span,
+        share: f32,
     ) -> GridRay<'a, V, Self::Cells<'a>>;
 }
 
@@ -33,8 +34,9 @@ impl Structures for DefaultStructure {
         medium: &'a GridMedium,
         voxels: &'a [V],
         span: &Span,
+        share: f32,
     ) -> GridRay<'a, V, Adaptive<'a>> {
-        medium.ray(voxels, span)
+        medium.ray_of_share(voxels, span, share)
     }
 }
 
@@ -48,8 +50,9 @@ impl Structures for AnyStructure {
         medium: &'a GridMedium,
         voxels: &'a [V],
         span: &Span,
+        share: f32,
     ) -> GridRay<'a, V, AnyPartition<'a>> {
-        medium.any_structure_ray(voxels, span)
+        medium.any_structure_ray_of_share(voxels, span, share)
     }
 }
 
@@ -71,7 +74,7 @@ impl<V: Voxel, S: Structures> SingleGrey<'_, V, S> {
         rng: &mut R,
         tally: &mut Tally,
     ) -> Shadow {
-        let field = S::ray(self.medium, self.voxels, span);
+        let field = S::ray(self.medium, self.voxels, span, 1.0);
         let estimator = self.methods.transmittance;
         let transmittance = Vec3::splat(estimator.estimate(field, Grey, threshold, rng, tally));
         let known = self.methods.weigh_the_way();
@@ -84,11 +87,11 @@ impl<V: Voxel, S: Structures> SingleGrey<'_, V, S> {
         &self,
         span: &Span,
         first: Option<f32>,
-        flown: &mut Flown,
+        flown: &mut Flown<f32>,
         rng: &mut R,
         tally: &mut Tally,
     ) -> Flight {
-        let field = S::ray(self.medium, self.voxels, span);
+        let field = S::ray(self.medium, self.voxels, span, 1.0);
         let result = self.methods.distance.fly(field, Grey, 1.0, first, rng, tally);
         flown.beta *= result.weight;
         if self.methods.weigh_the_way() {
@@ -99,19 +102,23 @@ impl<V: Voxel, S: Structures> SingleGrey<'_, V, S> {
 }
 
 impl<V: Voxel, S: Structures> Media for SingleGrey<'_, V, S> {
+    type Nulls = f32;
+
     #[inline(always)]
     fn flight<R: Rng>(
         &self,
         ray: &Ray,
         t_max: f64,
-        first: Option<f32>,
-        flown: &mut Flown,
+        first: Option<[f32; 2]>,
+        flown: &mut Flown<f32>,
+        _: &mut Others<f32>,
         rng: &mut R,
         tally: &mut Tally,
     ) -> Option<Collision> {
+        let first = first.map(|[depth, _]| depth);
         let span = self.medium.span(ray.origin, ray.direction, t_max)?;
         let flight = if self.methods.distance == DistanceSampler::Delta {
-            let field = S::ray(self.medium, self.voxels, &span);
+            let field = S::ray(self.medium, self.voxels, &span, 1.0);
             let walk = match first {
                 Some(depth) => TentativeCollisions::with_first(field, depth),
                 None => TentativeCollisions::new(field),
@@ -138,6 +145,7 @@ impl<V: Voxel, S: Structures> Media for SingleGrey<'_, V, S> {
         ray: &Ray,
         t_max: f64,
         threshold: f32,
+        _: Vec3,
         rng: &mut R,
         tally: &mut Tally,
     ) -> Shadow {
@@ -147,7 +155,7 @@ impl<V: Voxel, S: Structures> Media for SingleGrey<'_, V, S> {
         if self.methods.transmittance != Estimator::Ratio {
             return self.other_transmittance(&span, threshold, rng, tally);
         }
-        let walk = TentativeCollisions::new(S::ray(self.medium, self.voxels, &span));
+        let walk = TentativeCollisions::new(S::ray(self.medium, self.voxels, &span, 1.0));
         let estimate = ratio_tracking_with_roulette(walk, Grey, threshold, rng, tally);
         let known = self.methods.distance.decides_at_collisions();
         Shadow {
