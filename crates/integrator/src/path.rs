@@ -14,7 +14,7 @@
 use crate::counters::Counters;
 use crate::interior::{self, Inside};
 use crate::lights::{Fire, Lights};
-use crate::media::{Ending, Flown, Media, Others, Ray};
+use crate::media::{Ending, Flown, Media, Ray};
 use crate::sampler::PathSampler;
 use crate::world::{InMedium, Vertex, World, luminance};
 use glam::{DVec3, Vec3};
@@ -164,7 +164,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
             } else {
                 let first = first.take();
                 let (flown, tally) = (&mut flown, &mut tally);
-                let mut others = Others::new();
+                let mut others = M::Others::default();
                 let collision =
                     self.media.flight(&ray, t_surface, first, flown, &mut others, sampler, tally);
                 if M::PARTS {

@@ -6,7 +6,7 @@
 use crate::Error;
 use crate::counters::Counters;
 use crate::lights::Lights;
-use crate::media::{Collision, Flown, Media, MediaIndex, Others, Overlapping, Ray, Shadow};
+use crate::media::{Collision, Flown, Media, MediaIndex, Overlapping, Ray, Shadow, Together};
 use crate::path::Kernel;
 use crate::plan::{Plan, PlannedMedia};
 use crate::sampler::PathSampler;
@@ -59,6 +59,7 @@ impl Recorder<'_> {
 
 impl Media for Recorder<'_> {
     type Nulls = f32;
+    type Others = Together;
 
     fn flight<R: Rng>(
         &self,
@@ -66,7 +67,7 @@ impl Media for Recorder<'_> {
         t_max: f64,
         first: Option<[f32; 2]>,
         flown: &mut Flown<f32>,
-        others: &mut Others<f32>,
+        others: &mut Together,
         rng: &mut R,
         tally: &mut Tally,
     ) -> Option<Collision> {

@@ -130,7 +130,7 @@ impl Plan {
             _ if surfaces.is_some() || fires > 0 => KernelKind::Whole,
             0 => KernelKind::Empty,
             1 if grids == 1 && grey => KernelKind::SingleGrey,
-            1 if grids == 1 && settings.distance == Distance::Auto => KernelKind::SingleChromatic,
+            1 if grids == 1 && channels_may_part(settings) => KernelKind::SingleChromatic,
             _ => KernelKind::Overlapping,
         };
         reasons.push(match kernel {
@@ -149,7 +149,9 @@ impl Plan {
                     volumes.len()
                 )
             }
-            KernelKind::SingleChromatic => "one grid of extinction per channel".to_owned(),
+            KernelKind::SingleChromatic => "one grid whose extinction differs per channel: channels fly together by delta tracking and part where their events \
+                 differ, so that none is weighted; the kernel knows no list of media"
+                .to_owned(),
             KernelKind::Overlapping if grey => {
                 format!("{} media: collisions are taken in order along the ray", volumes.len())
             }
@@ -181,7 +183,14 @@ impl Plan {
                     .into(),
             );
         }
-        let methods = choose(scene, settings, grey, &mut reasons)?;
+        let parts = kernel == KernelKind::SingleChromatic;
+        if settings.distance == Distance::Split && !parts {
+            reasons.push(
+                "channels part only in one grid whose extinction differs per channel, without surfaces and light from volumes, under ratio tracking"
+                    .into(),
+            );
+        }
+        let methods = choose(scene, settings, (grey, parts), &mut reasons)?;
         let equiangular = choose_equiangular(scene, settings, &lights, &mut reasons);
         if mis && !methods.weigh_the_way() {
             reasons.push(format!(
@@ -212,6 +221,8 @@ impl Plan {
             mis,
             distance: if equiangular {
                 Distance::Equiangular
+            } else if parts {
+                Distance::Split
             } else {
                 Distance::By(methods.distance)
             },
@@ -242,7 +253,13 @@ impl Plan {
             methods.distance,
             DistanceSampler::Delta | DistanceSampler::Spectral | DistanceSampler::WeightedDelta
         );
-        if grids > 0 && tracked && methods.transmittance == Estimator::Ratio && !plan.equiangular {
+        // The pilot's flights do not part.
+        if grids > 0
+            && tracked
+            && !parts
+            && methods.transmittance == Estimator::Ratio
+            && !plan.equiangular
+        {
             let pilot = Pilot::new(scene, &plan, settings, PILOT_PATHS);
             let cost = pilot.cost_on(&plan.media);
             plan.predicted = Some(PathCost::new(cost.collisions, cost.steps, pilot.collisions()));
@@ -265,6 +282,15 @@ impl Plan {
 /// Mean optical depth of the media below which points seen by point-like lights at equal angles pay for themselves, where the job leaves the
 /// choice to the plan. Measured: `docs/charts/methods.md`.
 const THIN: f64 = 0.1;
+
+/// Whether the settings allow channels to fly by delta tracking and to part: both walks by tentative collisions of bounds that hold.
+fn channels_may_part(settings: &RenderSettings) -> bool {
+    let flights =
+        matches!(settings.distance, Distance::Auto | Distance::Split | Distance::Equiangular);
+    let shadows =
+        matches!(settings.transmittance, Transmittance::Auto | Transmittance::By(Estimator::Ratio));
+    flights && shadows && settings.majorant_scale >= 1.0
+}
 
 /// Whether equiangular points are sampled besides flights.
 fn choose_equiangular(
@@ -326,17 +352,17 @@ fn prepare(scene: &Scene, settings: &RenderSettings) -> Result<PlannedMedia, Err
 fn choose(
     scene: &Scene,
     settings: &RenderSettings,
-    grey: bool,
+    (grey, parts): (bool, bool),
     reasons: &mut Vec<String>,
 ) -> Result<Methods, Error> {
     let bounded = settings.majorant_scale >= 1.0;
     let distance = match settings.distance {
         Distance::By(sampler) => sampler,
-        Distance::Auto | Distance::Equiangular if !bounded => DistanceSampler::WeightedDelta,
-        Distance::Auto | Distance::Equiangular if grey => DistanceSampler::Delta,
-        Distance::Auto | Distance::Equiangular => DistanceSampler::Spectral,
+        _ if !bounded => DistanceSampler::WeightedDelta,
+        _ if grey => DistanceSampler::Delta,
+        _ => DistanceSampler::Spectral,
     };
-    if distance == DistanceSampler::Spectral && !grey {
+    if distance == DistanceSampler::Spectral && !grey && !parts {
         reasons.push(
             "one flight for all channels on the strongest one's majorant, real or null decided by their throughput-weighted mean"
                 .into(),

@@ -59,8 +59,11 @@ pub(crate) struct Ending<N> {
     pub(crate) collision: Option<Collision>,
 }
 
-/// Where a flight ended for those channels that did not end with the first. Three channels end at three points at most.
-pub(crate) type Others<N> = SmallVec<[Ending<N>; 2]>;
+/// Where a flight ended for those channels that did not end with the first, for media whose channels part: three channels end at three points at most.
+pub(crate) type Parted<N> = SmallVec<[Ending<N>; 2]>;
+
+/// The same for media whose channels do not part.
+pub(crate) type Together = [Ending<f32>; 0];
 
 /// What a shadow ray found.
 #[derive(Debug, Clone, Copy)]
@@ -105,6 +108,8 @@ pub(crate) trait Media: Sync {
     type Nulls: Spectrum + Send;
     /// Whether the channels of a path may part.
     const PARTS: bool = false;
+    /// What gets the endings of parted channels.
+    type Others: Default + IntoIterator<Item = Ending<Self::Nulls>>;
     /// Flies to the next real collision before `t_max`; `None` when the ray gets there. `first`: stratified majorant depth of the first collision, and
     /// a stratified uniform number for what it is taken for.
     ///
@@ -115,7 +120,7 @@ pub(crate) trait Media: Sync {
         t_max: f64,
         first: Option<[f32; 2]>,
         flown: &mut Flown<Self::Nulls>,
-        others: &mut Others<Self::Nulls>,
+        others: &mut Self::Others,
         rng: &mut R,
         tally: &mut Tally,
     ) -> Option<Collision>;

@@ -6,7 +6,7 @@
 //! throughput over channels is the same before and after every event, so that no channel's weight exceeds the number of channels;
 //! it is single-sample multiple importance sampling over channels by the balance heuristic [Miller et al. 2019].
 
-use super::{Collision, Flown, Media, MediaIndex, Met, Methods, Others, Ray, Shadow};
+use super::{Collision, Flown, Media, MediaIndex, Met, Methods, Ray, Shadow, Together};
 use glam::{DVec3, Vec3};
 use pileus_media::distance::{
     DistanceSampler, Flight, WeightedFlight, delta_tracking, delta_tracking_by_mean,
@@ -362,6 +362,7 @@ impl<'a> Overlapping<'a> {
 
 impl Media for Overlapping<'_> {
     type Nulls = f32;
+    type Others = Together;
 
     fn flight<R: Rng>(
         &self,
@@ -369,7 +370,7 @@ impl Media for Overlapping<'_> {
         t_max: f64,
         first: Option<[f32; 2]>,
         flown: &mut Flown<f32>,
-        _: &mut Others<f32>,
+        _: &mut Together,
         rng: &mut R,
         tally: &mut Tally,
     ) -> Option<Collision> {

@@ -6,7 +6,7 @@
 //!
 //! Measured against weights over channels (spectral tracking): `docs/charts/whole.md`.
 
-use super::{Collision, Ending, Flown, Media, Others, Ray, Shadow, Structures};
+use super::{Collision, Ending, Flown, Media, Parted, Ray, Shadow, Structures};
 use glam::{DVec3, Vec3};
 use pileus_media::random::uniform;
 use pileus_media::transmittance::ratio_tracking_with_roulette;
@@ -35,6 +35,7 @@ fn present(beta: Vec3) -> Vec3 {
 impl<V: Voxel, S: Structures> Media for SingleChromatic<'_, V, S> {
     type Nulls = Vec3;
     const PARTS: bool = true;
+    type Others = Parted<Vec3>;
 
     #[inline(always)]
     fn flight<R: Rng>(
@@ -43,7 +44,7 @@ impl<V: Voxel, S: Structures> Media for SingleChromatic<'_, V, S> {
         t_max: f64,
         first: Option<[f32; 2]>,
         flown: &mut Flown<Vec3>,
-        others: &mut Others<Vec3>,
+        others: &mut Parted<Vec3>,
         rng: &mut R,
         tally: &mut Tally,
     ) -> Option<Collision> {

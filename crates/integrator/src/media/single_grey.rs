@@ -1,6 +1,6 @@
 //! One grid of grey extinction: the kernel of most clouds. No channels, no list of media, no choice of voxel type.
 
-use super::{Collision, Flown, Media, Methods, Others, Ray, Shadow};
+use super::{Collision, Flown, Media, Methods, Ray, Shadow, Together};
 use glam::{DVec3, Vec3};
 use pileus_media::distance::{DistanceSampler, Flight, delta_tracking};
 use pileus_media::transmittance::{Estimator, ratio_tracking_with_roulette};
@@ -103,6 +103,7 @@ impl<V: Voxel, S: Structures> SingleGrey<'_, V, S> {
 
 impl<V: Voxel, S: Structures> Media for SingleGrey<'_, V, S> {
     type Nulls = f32;
+    type Others = Together;
 
     #[inline(always)]
     fn flight<R: Rng>(
@@ -111,7 +112,7 @@ impl<V: Voxel, S: Structures> Media for SingleGrey<'_, V, S> {
         t_max: f64,
         first: Option<[f32; 2]>,
         flown: &mut Flown<f32>,
-        _: &mut Others<f32>,
+        _: &mut Together,
         rng: &mut R,
         tally: &mut Tally,
     ) -> Option<Collision> {
