@@ -166,7 +166,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
                 let (flown, tally) = (&mut flown, &mut tally);
                 let mut others = M::Others::default();
                 let collision =
-                    self.media.flight(&ray, t_surface, first, flown, &mut others, sampler, tally);
+                    self.media.flight((&ray, t_surface), first, flown, &mut others, sampler, tally);
                 if M::PARTS {
                     branches.extend(others.into_iter().map(|ending| Branch {
                         ray,

@@ -63,15 +63,15 @@ impl Media for Recorder<'_> {
 
     fn flight<R: Rng>(
         &self,
-        ray: &Ray,
-        t_max: f64,
+        (ray, t_max): (&Ray, f64),
+
         first: Option<[f32; 2]>,
         flown: &mut Flown<f32>,
         others: &mut Together,
         rng: &mut R,
         tally: &mut Tally,
     ) -> Option<Collision> {
-        let collision = self.media.flight(ray, t_max, first, flown, others, rng, tally);
+        let collision = self.media.flight((ray, t_max), first, flown, others, rng, tally);
         self.record(ray, collision.map_or(t_max, |c| c.t), 0.0);
         collision
     }

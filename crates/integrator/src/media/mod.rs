@@ -110,14 +110,14 @@ pub(crate) trait Media: Sync {
     const PARTS: bool = false;
     /// What gets the endings of parted channels.
     type Others: Default + IntoIterator<Item = Ending<Self::Nulls>>;
-    /// Flies to the next real collision before `t_max`; `None` when the ray gets there. `first`: stratified majorant depth of the first collision, and
+    /// Flies to the next real collision on a ray before a distance; `None` when the ray gets there. `first`: stratified majorant depth of the first collision, and
     /// a stratified uniform number for what it is taken for.
     ///
     /// Where channels part, throughput and collision are those of some channels, and `others` gets the rest.
     fn flight<R: Rng>(
         &self,
-        ray: &Ray,
-        t_max: f64,
+        ray: (&Ray, f64),
+
         first: Option<[f32; 2]>,
         flown: &mut Flown<Self::Nulls>,
         others: &mut Self::Others,

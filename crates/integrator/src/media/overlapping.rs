@@ -366,8 +366,8 @@ impl Media for Overlapping<'_> {
 
     fn flight<R: Rng>(
         &self,
-        ray: &Ray,
-        t_max: f64,
+        (ray, t_max): (&Ray, f64),
+
         first: Option<[f32; 2]>,
         flown: &mut Flown<f32>,
         _: &mut Together,

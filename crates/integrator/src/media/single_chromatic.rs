@@ -40,8 +40,8 @@ impl<V: Voxel, S: Structures> Media for SingleChromatic<'_, V, S> {
     #[inline(always)]
     fn flight<R: Rng>(
         &self,
-        ray: &Ray,
-        t_max: f64,
+        (ray, t_max): (&Ray, f64),
+
         first: Option<[f32; 2]>,
         flown: &mut Flown<Vec3>,
         others: &mut Parted<Vec3>,
