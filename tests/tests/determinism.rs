@@ -33,9 +33,18 @@ fn scenes() -> Vec<Scene> {
     let texels = (0..32 * 16).map(|i| [if i == 100 { 300.0 } else { 0.5 }; 3]).collect();
     chromatic.environment.image =
         Some(Arc::new(EnvironmentImage::new(32, 16, texels, 1.0, 0.0).unwrap()));
+    let mut parting = grey.clone();
+    parting.volumes = scene(
+        vec![lumpy_grid(1.0, [6.0, 2.0, 0.5], [0.9, 0.8, 0.7], hg)],
+        DVec3::Z,
+        DVec3::ZERO,
+        40.0,
+    )
+    .volumes;
+    parting.environment.image = chromatic.environment.image.clone();
     let mut fire = blender("fire.glb", "fire_0003.vdb", [32, 32]);
     fire.lights.push(sun(Vec3::new(0.5, 0.8, -0.3), Vec3::splat(3.0), 0.01));
-    vec![grey, chromatic, everything(), fire]
+    vec![grey, chromatic, parting, everything(), fire]
 }
 
 /// Every kind of light, of surface and of medium.

@@ -7,12 +7,14 @@
 //!
 //! Surfaces are events along the ray, taken in order with the collisions. What a scene does not have is compiled out: see [`World`].
 //!
+//! Where channels part ([`Media::PARTS`]), a path is a tree of three branches at most: each channel is on one of them at any time.
+//!
 //! Equiangular points near point-like lights [Kulla and Fajardo 2012] are weighted against flights by a density that stands for theirs.
 
 use crate::counters::Counters;
 use crate::interior::{self, Inside};
 use crate::lights::{Fire, Lights};
-use crate::media::{Flown, Media, Ray};
+use crate::media::{Ending, Flown, Media, Ray};
 use crate::sampler::PathSampler;
 use crate::world::{InMedium, Vertex, World, luminance};
 use glam::{DVec3, Vec3};
@@ -20,8 +22,9 @@ use pileus_film::PixelSample;
 use pileus_media::distance::Equiangular;
 use pileus_media::phase::ISOTROPIC;
 use pileus_media::random::uniform;
-use pileus_media::{PhaseAt, Tally};
+use pileus_media::{PhaseAt, Spectrum, Tally};
 use pileus_scene::{Bsdf, Environment};
+use smallvec::SmallVec;
 
 /// Throughput below which a path is played roulette.
 const ROULETTE_THROUGHPUT: f32 = 0.25;
@@ -64,6 +67,20 @@ struct Last<V> {
     pdf: f32,
 }
 
+/// A path from the end of a flight on, for channels that have left the others.
+struct Branch<V, N> {
+    ray: Ray,
+    /// Throughput before the flight.
+    beta: Vec3,
+    /// How the flight ended; none: it has not been flown.
+    ending: Option<Ending<N>>,
+    last: Option<Last<V>>,
+    bounces: u32,
+}
+
+/// Branches that wait.
+type Branches<'k, M, W> = SmallVec<[Branch<<W as World>::Vertex<'k>, <M as Media>::Nulls>; 2]>;
+
 /// How a flight ended.
 enum Event<'a> {
     Collision { t: f64, phase: PhaseAt<'a>, albedo: Vec3 },
@@ -77,19 +94,50 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
     #[inline(always)]
     pub(crate) fn trace<const MIS: bool, const EQUIANGULAR: bool>(
         &self,
-        mut ray: Ray,
+        ray: Ray,
         sampler: &mut PathSampler,
-        first: f32,
+        [depth, decision]: [f32; 2],
         counters: &mut Counters,
     ) -> PixelSample {
+        let mut pixel = PixelSample { rgb: [0.0; 3], alpha: 0.0 };
+        let mut radiance = Vec3::ZERO;
+        let depth = pileus_media::random::exponential_from((depth * 4_294_967_296.0) as u32);
+        let first = Some([depth, decision]);
+        let mut branches = Branches::<'_, M, W>::new();
+        let mut branch = Branch { ray, beta: Vec3::ONE, ending: None, last: None, bounces: 0 };
+        loop {
+            let first = if branch.ending.is_none() { first } else { None };
+            let (light, alpha) =
+                self.follow::<MIS, EQUIANGULAR>(branch, first, &mut branches, sampler, counters);
+            radiance += light;
+            pixel.alpha += alpha;
+            match branches.pop() {
+                Some(next) if M::PARTS => branch = next,
+                _ => break,
+            }
+        }
+        counters.paths += 1;
+        pixel.rgb = radiance.to_array();
+        pixel
+    }
+
+    /// Follows one branch of a path to its end; what parts from it joins `branches`. Returns its light, and the share of the channels that met something on it.
+    #[inline(always)]
+    fn follow<'k, const MIS: bool, const EQUIANGULAR: bool>(
+        &'k self,
+        branch: Branch<W::Vertex<'k>, M::Nulls>,
+        mut first: Option<[f32; 2]>,
+        branches: &mut Branches<'k, M, W>,
+        sampler: &mut PathSampler,
+        counters: &mut Counters,
+    ) -> (Vec3, f32) {
+        let Branch { mut ray, mut beta, ending: mut resumed, mut last, mut bounces } = branch;
+        let begun = bounces;
         let mut tally = Tally::default();
         let mut radiance = Vec3::ZERO;
-        let mut beta = Vec3::ONE;
-        let mut bounces = 0u32;
         let mut alpha = 0.0;
-        let mut first =
-            Some(pileus_media::random::exponential_from((first * 4_294_967_296.0) as u32));
-        let mut last: Option<Last<W::Vertex<'_>>> = None;
+        // Of the channels, those whose first flight ends on this branch.
+        let mut share = if begun == 0 { 1.0 } else { 0.0 };
         let mut inside = if W::WHOLE { self.inside.clone() } else { Inside::new() };
         loop {
             let hit = self.world.intersect(&ray, sampler);
@@ -101,16 +149,41 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
                 None
             };
             if EQUIANGULAR
+                && resumed.is_none()
                 && bounces < self.max_bounces
                 && let Some(part) = part
             {
                 radiance += self.equiangular(&ray, part, beta, sampler, &mut tally, counters);
             }
             let before = beta;
-            let mut flown = Flown { beta, null_probability: 1.0 };
-            let collision =
-                self.media.flight(&ray, t_surface, first.take(), &mut flown, sampler, &mut tally);
+            let mut flown = Flown { beta, null_probability: M::Nulls::ONE };
+            let collision = if M::PARTS
+                && let Some(ending) = resumed.take()
+            {
+                let Ending { channels, null_probability, collision } = ending;
+                flown = Flown { beta: beta * channels, null_probability };
+                collision
+            } else {
+                let first = first.take();
+                let (flown, tally) = (&mut flown, &mut tally);
+                let mut others = M::Others::default();
+                let collision =
+                    self.media.flight((&ray, t_surface), first, flown, &mut others, sampler, tally);
+                if M::PARTS {
+                    branches.extend(others.into_iter().map(|ending| Branch {
+                        ray,
+                        beta,
+                        ending: Some(ending),
+                        last,
+                        bounces,
+                    }));
+                }
+                collision
+            };
             beta = flown.beta;
+            if M::PARTS && bounces == 0 {
+                share = beta.cmpgt(Vec3::ZERO).bitmask().count_ones() as f32 / 3.0;
+            }
             let mut event = match (&collision, hit) {
                 (Some(collision), _) => {
                     let (phase, albedo) = self.media.properties(
@@ -157,7 +230,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
                     (ray.at(t), W::in_medium(vertex), Turn::Medium(phase))
                 }
                 Event::Surface(hit) => {
-                    alpha = 1.0;
+                    alpha = share;
                     let Some(surfaces) = self.world.surfaces() else { break };
                     let interaction = surfaces.interaction(&hit, ray.direction);
                     if interaction.emission != Vec3::ZERO {
@@ -239,13 +312,12 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
             }
             ray = Ray { origin, direction: wi };
         }
-        counters.paths += 1;
-        counters.bounces += u64::from(bounces);
+        counters.bounces += u64::from(bounces - begun);
         counters.add_tally(&tally);
         if bounces > 0 {
-            alpha = 1.0;
+            alpha = share;
         }
-        PixelSample { rgb: radiance.to_array(), alpha }
+        (radiance, alpha)
     }
 
     /// Radiance from infinity along an escaping ray, weighted against shadow rays where they cover it.
@@ -254,7 +326,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         &self,
         ray: &Ray,
         last: Option<&Last<W::Vertex<'_>>>,
-        null_probability: f32,
+        null_probability: M::Nulls,
     ) -> Vec3 {
         if !MIS {
             return self.environment.radiance(ray.direction);
@@ -267,10 +339,10 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
             let weight = match (last, sampled) {
                 (Some(last), Some((index, pdf))) => {
                     let pdf_light = pdf * self.probability(index, last);
-                    weight_of_path(last.pdf * null_probability, last.pdf, pdf_light)
+                    weights_of_path(null_probability, last.pdf, pdf_light)
                 }
                 // Seen directly, or never sent a shadow ray.
-                _ => 1.0,
+                _ => Vec3::ONE,
             };
             radiance += light * weight;
         });
@@ -290,16 +362,16 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         ray: &Ray,
         (t, emitter, normal): (f64, Option<u32>, Vec3),
         last: Option<&Last<W::Vertex<'_>>>,
-        null_probability: f32,
-    ) -> f32 {
-        let (Some(last), Some(emitter)) = (last, emitter) else { return 1.0 };
+        null_probability: M::Nulls,
+    ) -> Vec3 {
+        let (Some(last), Some(emitter)) = (last, emitter) else { return Vec3::ONE };
         let Some((index, pdf)) =
             self.lights.met_lamp(emitter, last.p, t, normal.dot(ray.direction))
         else {
-            return 1.0;
+            return Vec3::ONE;
         };
         let pdf_light = pdf * self.probability(index, last);
-        weight_of_path(last.pdf * null_probability, last.pdf, pdf_light)
+        weights_of_path(null_probability, last.pdf, pdf_light)
     }
 
     /// Light of fires along a flight that ends at `t_end` (and would have ended at `t_surface` at last), weighted against shadow rays.
@@ -347,7 +419,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
             });
         }
         if let Some((t, light)) = chosen {
-            let shadow = self.media.transmittance(ray, t, SHADOW_ROULETTE, sampler, tally);
+            let shadow = self.media.transmittance(ray, t, SHADOW_ROULETTE, beta, sampler, tally);
             let body = inside.last().map_or(Vec3::ONE, |body| interior::transmittance(body, t));
             radiance += light * total * shadow.transmittance * body;
         }
@@ -392,17 +464,26 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
             return Vec3::ZERO;
         }
         let threshold = (SHADOW_ROULETTE / (importance / survive)).min(0.5);
-        let shadow = self.media.transmittance(&ray, light.distance, threshold, sampler, tally);
+        let shadow =
+            self.media.transmittance(&ray, light.distance, threshold, at.beta, sampler, tally);
         let mut weight = 1.0 / (choice.probability * survive);
+        let mut arrives = shadow.transmittance * light.weight;
         if MIS && light.pdf > 0.0 {
-            // Density of the same path under path sampling: its null decisions are weighted by the throughput of their channels.
-            let nulls = if W::WHOLE && light.along_the_way {
-                1.0
-            } else {
-                at.beta.dot(shadow.null_probability) / at.beta.element_sum()
-            };
+            // Density of the same path under path sampling.
             let pdf_light = light.pdf * choice.probability;
-            weight *= pdf_light / (pdf_light + pdf * nulls);
+            if M::PARTS {
+                // Each channel decides for itself.
+                let pdf_path = shadow.null_probability * pdf;
+                arrives *= Vec3::splat(pdf_light) / (Vec3::splat(pdf_light) + pdf_path);
+            } else {
+                // Null decisions are weighted by the throughput of their channels.
+                let nulls = if W::WHOLE && light.along_the_way {
+                    1.0
+                } else {
+                    at.beta.dot(shadow.null_probability) / at.beta.element_sum()
+                };
+                weight *= pdf_light / (pdf_light + pdf * nulls);
+            }
         }
         if EQUIANGULAR
             && at.flight.in_medium
@@ -412,7 +493,6 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
             let t = (at.p - at.flight.ray.origin).length();
             weight *= 1.0 - self.equiangular_weight(at.flight.ray, part, position, t) as f32;
         }
-        let mut arrives = shadow.transmittance * light.weight;
         if W::WHOLE
             && let Some(body) = at.vertex.body(at.inside, light.wi)
         {
@@ -490,12 +570,18 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         if self.world.occluded(&to_light, sample.distance, None, sampler) {
             return Vec3::ZERO;
         }
-        let there = self.media.transmittance(ray, t, SHADOW_ROULETTE, sampler, tally);
+        let there = self.media.transmittance(ray, t, SHADOW_ROULETTE, beta, sampler, tally);
         if there.transmittance == Vec3::ZERO {
             return Vec3::ZERO;
         }
-        let on =
-            self.media.transmittance(&to_light, sample.distance, SHADOW_ROULETTE, sampler, tally);
+        let on = self.media.transmittance(
+            &to_light,
+            sample.distance,
+            SHADOW_ROULETTE,
+            beta,
+            sampler,
+            tally,
+        );
         unshadowed * there.transmittance * on.transmittance
     }
 }
@@ -512,6 +598,16 @@ enum Turn<'a> {
 #[inline(always)]
 fn weight_of_path(pdf_path: f32, pdf: f32, pdf_light: f32) -> f32 {
     if pdf > 0.0 && pdf_light > 0.0 { pdf_path / (pdf_path + pdf_light) } else { 1.0 }
+}
+
+/// The same per channel of the throughput, from the probability of null decisions on the way.
+#[inline(always)]
+fn weights_of_path<N: Spectrum>(null_probability: N, pdf: f32, pdf_light: f32) -> Vec3 {
+    let weights = null_probability.map(|nulls| weight_of_path(pdf * nulls, pdf, pdf_light));
+    if N::COUNT == 1 {
+        return Vec3::splat(weights.channel(0));
+    }
+    Vec3::new(weights.channel(0), weights.channel(1), weights.channel(2))
 }
 
 /// How a vertex was reached.

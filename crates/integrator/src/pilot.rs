@@ -7,7 +7,7 @@ use crate::Error;
 use crate::counters::Counters;
 use crate::interior::Inside;
 use crate::lights::Lights;
-use crate::media::{Collision, Flown, Media, MediaIndex, Overlapping, Ray, Shadow};
+use crate::media::{Collision, Flown, Media, MediaIndex, Overlapping, Ray, Shadow, Together};
 use crate::path::Kernel;
 use crate::plan::{Plan, PlannedMedia};
 use crate::sampler::PathSampler;
@@ -60,16 +60,20 @@ impl Recorder<'_> {
 }
 
 impl Media for Recorder<'_> {
+    type Nulls = f32;
+    type Others = Together;
+
     fn flight<R: Rng>(
         &self,
-        ray: &Ray,
-        t_max: f64,
-        first: Option<f32>,
-        flown: &mut Flown,
+        (ray, t_max): (&Ray, f64),
+
+        first: Option<[f32; 2]>,
+        flown: &mut Flown<f32>,
+        others: &mut Together,
         rng: &mut R,
         tally: &mut Tally,
     ) -> Option<Collision> {
-        let collision = self.media.flight(ray, t_max, first, flown, rng, tally);
+        let collision = self.media.flight((ray, t_max), first, flown, others, rng, tally);
         self.record(ray, collision.map_or(t_max, |c| c.t), 0.0);
         collision
     }
@@ -79,11 +83,12 @@ impl Media for Recorder<'_> {
         ray: &Ray,
         t_max: f64,
         threshold: f32,
+        beta: Vec3,
         rng: &mut R,
         tally: &mut Tally,
     ) -> Shadow {
         self.record(ray, t_max, threshold);
-        self.media.transmittance(ray, t_max, threshold, rng, tally)
+        self.media.transmittance(ray, t_max, threshold, beta, rng, tally)
     }
 
     fn scattering<R: Rng>(
@@ -144,9 +149,10 @@ impl Pilot {
                     [at(0.754_877_666_246_692_7, width), at(0.569_840_290_998_053_3, height)];
                 let (origin, direction) = scene.camera.ray(film);
                 let mut sampler = PathSampler::new(0, film[0] as u32, film[1] as u32, u64::from(i));
-                let [_, _, first, _] = sampler.stratified(0);
+                let [_, _, depth, decision] = sampler.stratified(0);
                 let mut counters = Counters::default();
                 let ray = Ray { origin, direction };
+                let first = [depth, decision];
                 kernel.trace::<true, false>(ray, &mut sampler, first, &mut counters);
                 let rays = kernel.media.rays.into_inner();
                 (rays.unwrap_or_else(std::sync::PoisonError::into_inner), counters.collisions)

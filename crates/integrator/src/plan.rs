@@ -23,6 +23,8 @@ pub(crate) enum KernelKind {
     Empty,
     /// One grid, grey extinction.
     SingleGrey,
+    /// One grid, extinction per channel: channels part where their events differ.
+    SingleChromatic,
     /// A list of media, per channel.
     Overlapping,
     /// The same with surfaces and light from volumes.
@@ -131,6 +133,9 @@ impl Plan {
             _ if surfaces.is_some() || fires > 0 => KernelKind::Whole,
             0 => KernelKind::Empty,
             1 if grids == 1 && grey && plain => KernelKind::SingleGrey,
+            1 if grids == 1 && !grey && plain && channels_may_part(settings) => {
+                KernelKind::SingleChromatic
+            }
             _ => KernelKind::Overlapping,
         };
         reasons.push(match kernel {
@@ -152,6 +157,9 @@ impl Plan {
             KernelKind::Overlapping if of_flakes && volumes.len() == 1 => {
                 "flakes: extinction differs by the direction of the ray".to_owned()
             }
+            KernelKind::SingleChromatic => "one grid whose extinction differs per channel: channels fly together by delta tracking and part where their events \
+                 differ, so that none is weighted; the kernel knows no list of media"
+                .to_owned(),
             KernelKind::Overlapping if grey => {
                 let phase = if grids == 1 && volumes.len() == 1 {
                     "; the kernel of single grids knows no phase functions but isotropic and Henyey-Greenstein"
@@ -188,7 +196,14 @@ impl Plan {
                     .into(),
             );
         }
-        let methods = choose(scene, settings, grey, &mut reasons)?;
+        let parts = kernel == KernelKind::SingleChromatic;
+        if settings.distance == Distance::Split && !parts {
+            reasons.push(
+                "channels part only in one grid whose extinction differs per channel, without surfaces and light from volumes, under ratio tracking"
+                    .into(),
+            );
+        }
+        let methods = choose(scene, settings, (grey, parts), &mut reasons)?;
         let exact = methods.transmittance == Estimator::Regular
             || methods.distance == DistanceSampler::Regular;
         if exact && flakes().any(|flakes| flakes.by_grid()) {
@@ -231,6 +246,8 @@ impl Plan {
             mis,
             distance: if equiangular {
                 Distance::Equiangular
+            } else if parts {
+                Distance::Split
             } else {
                 Distance::By(methods.distance)
             },
@@ -261,9 +278,11 @@ impl Plan {
             methods.distance,
             DistanceSampler::Delta | DistanceSampler::Spectral | DistanceSampler::WeightedDelta
         );
+        // The pilot's flights do not part.
         if grids > 0
             && !of_flakes
             && tracked
+            && !parts
             && methods.transmittance == Estimator::Ratio
             && !plan.equiangular
         {
@@ -279,6 +298,7 @@ impl Plan {
         match self.kernel {
             KernelKind::Empty => "empty",
             KernelKind::SingleGrey => "single_grey",
+            KernelKind::SingleChromatic => "single_chromatic",
             KernelKind::Overlapping => "overlapping",
             KernelKind::Whole => "whole",
         }
@@ -288,6 +308,15 @@ impl Plan {
 /// Mean optical depth of the media below which points seen by point-like lights at equal angles pay for themselves, where the job leaves the
 /// choice to the plan. Measured: `docs/charts/methods.md`.
 const THIN: f64 = 0.1;
+
+/// Whether the settings allow channels to fly by delta tracking and to part: both walks by tentative collisions of bounds that hold.
+fn channels_may_part(settings: &RenderSettings) -> bool {
+    let flights =
+        matches!(settings.distance, Distance::Auto | Distance::Split | Distance::Equiangular);
+    let shadows =
+        matches!(settings.transmittance, Transmittance::Auto | Transmittance::By(Estimator::Ratio));
+    flights && shadows && settings.majorant_scale >= 1.0
+}
 
 /// Whether equiangular points are sampled besides flights.
 fn choose_equiangular(
@@ -355,17 +384,17 @@ fn prepare(scene: &Scene, settings: &RenderSettings) -> Result<PlannedMedia, Err
 fn choose(
     scene: &Scene,
     settings: &RenderSettings,
-    grey: bool,
+    (grey, parts): (bool, bool),
     reasons: &mut Vec<String>,
 ) -> Result<Methods, Error> {
     let bounded = settings.majorant_scale >= 1.0;
     let distance = match settings.distance {
         Distance::By(sampler) => sampler,
-        Distance::Auto | Distance::Equiangular if !bounded => DistanceSampler::WeightedDelta,
-        Distance::Auto | Distance::Equiangular if grey => DistanceSampler::Delta,
-        Distance::Auto | Distance::Equiangular => DistanceSampler::Spectral,
+        _ if !bounded => DistanceSampler::WeightedDelta,
+        _ if grey => DistanceSampler::Delta,
+        _ => DistanceSampler::Spectral,
     };
-    if distance == DistanceSampler::Spectral && !grey {
+    if distance == DistanceSampler::Spectral && !grey && !parts {
         reasons.push(
             "one flight for all channels on the strongest one's majorant, real or null decided by their throughput-weighted mean"
                 .into(),

@@ -5,7 +5,8 @@ use crate::error::Error;
 use crate::interior::Inside;
 use crate::lights::Lights;
 use crate::media::{
-    AnyStructure, DefaultStructure, Media, Overlapping, Ray, SingleGrey, Structures,
+    AnyStructure, DefaultStructure, Media, Overlapping, Ray, SingleChromatic, SingleGrey,
+    Structures,
 };
 use crate::path::Kernel;
 use crate::plan::{KernelKind, Plan};
@@ -141,7 +142,7 @@ fn dispatch<J: Job>(
     let media = plan.media.media.as_slice();
     let max_bounces = settings.max_bounces.unwrap_or(u32::MAX);
     let typical_sigma_t = if plan.equiangular { typical_sigma_t(scene) } else { 0.0 };
-    if let (KernelKind::SingleGrey, [medium]) = (plan.kernel, media)
+    if let (KernelKind::SingleGrey | KernelKind::SingleChromatic, [medium]) = (plan.kernel, media)
         && let Medium::Grid(medium) = &**medium
     {
         let own = medium.majorants().structure() == MajorantStructure::Adaptive
@@ -190,7 +191,7 @@ fn dispatch<J: Job>(
     run_planned(plan, job, &kernel)
 }
 
-/// The grey single-grid kernel, waiting for its voxel type.
+/// The single-grid kernels, waiting for its voxel type.
 struct Single<'a, J> {
     medium: &'a GridMedium,
     plan: &'a Plan,
@@ -208,19 +209,32 @@ impl<J: Job, S: Structures> VoxelKernel for On<Single<'_, J>, S> {
     type Output = J::Output;
     fn run<V: Voxel>(self, voxels: &[V]) -> J::Output {
         let Single { medium, plan, scene, lights, max_bounces, typical_sigma_t, job } = self.0;
+        let (structures, methods) = (PhantomData::<S>, plan.methods);
+        let (world, environment) = (MediaAlone, &scene.environment);
+        let analog_flights = plan.analog_flights;
+        if plan.kernel == KernelKind::SingleChromatic {
+            let media = SingleChromatic { structures, medium, voxels, weighted: plan.mis };
+            let kernel = Kernel {
+                media,
+                world,
+                lights,
+                environment,
+                max_bounces,
+                typical_sigma_t,
+                analog_flights,
+                inside: Inside::new(),
+            };
+            return run_planned(plan, job, &kernel);
+        }
+        let media = SingleGrey { structures, medium, voxels, methods };
         let kernel = Kernel {
-            media: SingleGrey::<V, S> {
-                structures: PhantomData,
-                medium,
-                voxels,
-                methods: plan.methods,
-            },
-            world: MediaAlone,
+            media,
+            world,
             lights,
-            environment: &scene.environment,
+            environment,
             max_bounces,
             typical_sigma_t,
-            analog_flights: plan.analog_flights,
+            analog_flights,
             inside: Inside::new(),
         };
         run_planned(plan, job, &kernel)
@@ -238,13 +252,14 @@ fn trace<M: Media, W: World, const MIS: bool, const EQUIANGULAR: bool>(
     counters: &mut Counters,
 ) -> PixelSample {
     let mut sampler = PathSampler::new(settings.seed, x, y, sample);
-    let [u, v, first, _] = sampler.stratified(0);
+    let [u, v, depth, decision] = sampler.stratified(0);
     let offset = settings.filter.sample([u, v]);
     let film =
         [f64::from(x) + 0.5 + f64::from(offset[0]), f64::from(y) + 0.5 + f64::from(offset[1])];
     let (origin, direction) = scene.camera.ray(film);
+    let ray = Ray { origin, direction };
     let mut value =
-        kernel.trace::<MIS, EQUIANGULAR>(Ray { origin, direction }, &mut sampler, first, counters);
+        kernel.trace::<MIS, EQUIANGULAR>(ray, &mut sampler, [depth, decision], counters);
     if let Some(most) = settings.clamp {
         let rgb = Vec3::from_array(value.rgb);
         let found = luminance(rgb);

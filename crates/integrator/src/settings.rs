@@ -40,6 +40,9 @@ pub enum Distance {
     Auto,
     /// By this sampler of free flights.
     By(DistanceSampler),
+    /// One grid of extinction per channel: channels fly together until their events differ, each by delta tracking. The plan's flights where that
+    /// does not apply.
+    Split,
     /// The plan's flights, and points seen by point-like lights at equal angles; weighted against each other.
     Equiangular,
 }
@@ -50,6 +53,7 @@ impl Distance {
         match self {
             Distance::Auto => "auto",
             Distance::By(sampler) => sampler.name(),
+            Distance::Split => "split",
             Distance::Equiangular => "equiangular",
         }
     }

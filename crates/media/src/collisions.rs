@@ -89,6 +89,19 @@ impl<F: RayField> TentativeCollisions<F> {
         }
     }
 
+    /// The next collision of a process with a share of the majorants' rate. `inverse`: one over that share, which may change from one collision to the next, since
+    /// what is left of a variate was drawn for nothing but the way up to the last one.
+    #[inline(always)]
+    pub fn next_of_share<R: Rng + ?Sized>(
+        &mut self,
+        inverse: f32,
+        rng: &mut R,
+    ) -> Option<Tentative> {
+        let drawn = self.remaining.take().unwrap_or_else(|| exponential(rng));
+        self.remaining = Some(drawn * inverse);
+        self.next(rng)
+    }
+
     /// Majorant depth from here to the ray's end, which the walk takes.
     pub fn depth_to_end(&mut self) -> f32 {
         let mut depth = (self.segment.t1 - self.t) * self.segment.majorant;

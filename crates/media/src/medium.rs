@@ -296,8 +296,19 @@ impl GridMedium {
     /// The ray field of a span, for a grid stored as `V`, on the hierarchy that every medium has by default.
     #[inline(always)]
     pub fn ray<'a, V: Voxel>(&'a self, voxels: &'a [V], span: &Span) -> GridRay<'a, V> {
-        let partition = Adaptive::new(&self.grid, self.bound_scale / span.d.length());
-        self.ray_on(voxels, partition, span)
+        self.ray_of_share(voxels, span, 1.0)
+    }
+
+    /// The same for `share`, in (0, 1], of the extinction: that of a weaker channel, on cells that suit it.
+    #[inline(always)]
+    pub fn ray_of_share<'a, V: Voxel>(
+        &'a self,
+        voxels: &'a [V],
+        span: &Span,
+        share: f32,
+    ) -> GridRay<'a, V> {
+        let partition = Adaptive::new(&self.grid, share * self.bound_scale / span.d.length());
+        self.ray_on(voxels, partition, span, share)
     }
 
     /// The same on any structure.
@@ -307,8 +318,19 @@ impl GridMedium {
         voxels: &'a [V],
         span: &Span,
     ) -> GridRay<'a, V, AnyPartition<'a>> {
-        let per_voxel = self.bound_scale / span.d.length();
-        self.ray_on(voxels, self.majorants.partition(&self.grid, per_voxel), span)
+        self.any_structure_ray_of_share(voxels, span, 1.0)
+    }
+
+    /// As [`ray_of_share`](GridMedium::ray_of_share), on any structure.
+    #[inline]
+    pub fn any_structure_ray_of_share<'a, V: Voxel>(
+        &'a self,
+        voxels: &'a [V],
+        span: &Span,
+        share: f32,
+    ) -> GridRay<'a, V, AnyPartition<'a>> {
+        let per_voxel = share * self.bound_scale / span.d.length();
+        self.ray_on(voxels, self.majorants.partition(&self.grid, per_voxel), span, share)
     }
 
     #[inline(always)]
@@ -317,8 +339,9 @@ impl GridMedium {
         voxels: &'a [V],
         partition: P,
         span: &Span,
+        share: f32,
     ) -> GridRay<'a, V, P> {
-        let scales = [self.scale, self.bound_scale];
+        let scales = [share * self.scale, share * self.bound_scale];
         GridRay::new(self.grid.view(voxels), partition, scales, span.p0, span.d, span.length)
     }
 
@@ -326,8 +349,8 @@ impl GridMedium {
     pub(crate) fn point_ray(&self, span: &Span) -> AnyGridRay<'_> {
         let partition = self.point_cells();
         match &self.grid.voxels {
-            Voxels::Half(voxels) => AnyGridRay::Half(self.ray_on(voxels, partition, span)),
-            Voxels::Single(voxels) => AnyGridRay::Single(self.ray_on(voxels, partition, span)),
+            Voxels::Half(voxels) => AnyGridRay::Half(self.ray_on(voxels, partition, span, 1.0)),
+            Voxels::Single(voxels) => AnyGridRay::Single(self.ray_on(voxels, partition, span, 1.0)),
         }
     }
 

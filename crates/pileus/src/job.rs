@@ -304,8 +304,8 @@ pub enum TransmittanceSpec {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum DistanceSpec {
-    /// What costs the least error x time in whole images, by measurement: `delta` for grey media, `spectral`
-    /// for others; with `equiangular` points where point or spot lights shine into very thin media.
+    /// What costs the least error x time in whole images, by measurement: `delta` for grey media, `split`
+    /// for one grid of extinction per channel, `spectral` for others; with `equiangular` points where point or spot lights shine into very thin media.
     #[default]
     Auto,
     /// Closed form: homogeneous volumes only.
@@ -321,6 +321,9 @@ pub enum DistanceSpec {
     Regular,
     /// Delta tracking decided by the throughput-weighted mean over channels.
     Spectral,
+    /// One grid of extinction per channel: channels fly together by delta tracking and part where their events
+    /// differ, so that none is weighted. Elsewhere the flights of `auto`.
+    Split,
     /// The flights of `auto`, and for point and spot lights points seen from them at equal angles, the two
     /// weighted against each other.
     Equiangular,

@@ -477,6 +477,7 @@ fn sampling(job: &Job, filter: Filter, places: &Places) -> Result<RenderSettings
             DistanceSpec::Decomposition => Distance::By(DistanceSampler::Decomposition),
             DistanceSpec::Regular => Distance::By(DistanceSampler::Regular),
             DistanceSpec::Spectral => Distance::By(DistanceSampler::Spectral),
+            DistanceSpec::Split => Distance::Split,
             DistanceSpec::Equiangular => Distance::Equiangular,
             DistanceSpec::RayMarching => Distance::By(DistanceSampler::RayMarching),
         },

@@ -2,17 +2,20 @@
 
 mod index;
 mod overlapping;
+mod single_chromatic;
 mod single_grey;
 
 pub(crate) use index::{MediaIndex, Met};
 pub(crate) use overlapping::Overlapping;
+pub(crate) use single_chromatic::SingleChromatic;
 pub(crate) use single_grey::{AnyStructure, DefaultStructure, SingleGrey, Structures};
 
 use glam::{DVec3, Vec3};
 use pileus_media::distance::DistanceSampler;
 use pileus_media::transmittance::Estimator;
-use pileus_media::{PhaseAt, Tally};
+use pileus_media::{PhaseAt, Spectrum, Tally};
 use rand_core::Rng;
+use smallvec::SmallVec;
 
 /// A ray in the world; `direction` is a unit vector.
 #[derive(Debug, Clone, Copy)]
@@ -37,13 +40,30 @@ pub(crate) struct Collision {
 
 /// What a free flight carries through its null collisions.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Flown {
+pub(crate) struct Flown<N> {
     /// Path throughput, albedo included.
     pub(crate) beta: Vec3,
     /// Probability of all null decisions since the flight began: the density of the same walk under light sampling, over its density
     /// under path sampling, is one over this.
-    pub(crate) null_probability: f32,
+    pub(crate) null_probability: N,
 }
+
+/// Where a flight ended for some of the channels that began it.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Ending<N> {
+    /// One for these channels, zero for others.
+    pub(crate) channels: Vec3,
+    /// As in [`Flown`].
+    pub(crate) null_probability: N,
+    /// The collision; none: they got to the flight's end.
+    pub(crate) collision: Option<Collision>,
+}
+
+/// Where a flight ended for those channels that did not end with the first, for media whose channels part: three channels end at three points at most.
+pub(crate) type Parted<N> = SmallVec<[Ending<N>; 2]>;
+
+/// The same for media whose channels do not part.
+pub(crate) type Together = [Ending<f32>; 0];
 
 /// What a shadow ray found.
 #[derive(Debug, Clone, Copy)]
@@ -84,24 +104,35 @@ impl Methods {
 
 /// All media of a scene.
 pub(crate) trait Media: Sync {
-    /// Flies to the next real collision before `t_max`; `None` when the ray gets there. `first`: stratified majorant depth of the first collision.
+    /// Probability of null decisions: of all channels at once, or of each.
+    type Nulls: Spectrum + Send;
+    /// Whether the channels of a path may part.
+    const PARTS: bool = false;
+    /// What gets the endings of parted channels.
+    type Others: Default + IntoIterator<Item = Ending<Self::Nulls>>;
+    /// Flies to the next real collision on a ray before a distance; `None` when the ray gets there. `first`: stratified majorant depth of the first collision, and
+    /// a stratified uniform number for what it is taken for.
+    ///
+    /// Where channels part, throughput and collision are those of some channels, and `others` gets the rest.
     fn flight<R: Rng>(
         &self,
-        ray: &Ray,
-        t_max: f64,
-        first: Option<f32>,
-        flown: &mut Flown,
+        ray: (&Ray, f64),
+
+        first: Option<[f32; 2]>,
+        flown: &mut Flown<Self::Nulls>,
+        others: &mut Self::Others,
         rng: &mut R,
         tally: &mut Tally,
     ) -> Option<Collision>;
 
-    /// An estimate of the transmittance up to `t_max`. Walks whose product falls below `threshold` are played
-    /// roulette.
+    /// An estimate of the transmittance up to `t_max`, for the channels that have throughput in `beta`. Walks whose product falls below `threshold`
+    /// are played roulette.
     fn transmittance<R: Rng>(
         &self,
         ray: &Ray,
         t_max: f64,
         threshold: f32,
+        beta: Vec3,
         rng: &mut R,
         tally: &mut Tally,
     ) -> Shadow;

@@ -6,7 +6,7 @@
 //! throughput over channels is the same before and after every event, so that no channel's weight exceeds the number of channels;
 //! it is single-sample multiple importance sampling over channels by the balance heuristic [Miller et al. 2019].
 
-use super::{Collision, Flown, Media, MediaIndex, Met, Methods, Ray, Shadow};
+use super::{Collision, Flown, Media, MediaIndex, Met, Methods, Ray, Shadow, Together};
 use glam::{DVec3, Vec3};
 use pileus_media::distance::{
     DistanceSampler, Flight, WeightedFlight, delta_tracking, delta_tracking_by_mean,
@@ -326,7 +326,7 @@ impl<'a> Overlapping<'a> {
         (ray, t_max): (&Ray, f64),
         (index, entry): (usize, Entry<'_>),
         first: Option<f32>,
-        flown: &mut Flown,
+        flown: &mut Flown<f32>,
         rng: &mut R,
         tally: &mut Tally,
     ) -> Option<Collision> {
@@ -354,7 +354,7 @@ impl<'a> Overlapping<'a> {
         (ray, t_max): (&Ray, f64),
         mut ahead: Ahead<'_>,
         mut first: Option<f32>,
-        flown: &mut Flown,
+        flown: &mut Flown<f32>,
         rng: &mut R,
         tally: &mut Tally,
     ) -> Option<Collision> {
@@ -396,7 +396,7 @@ impl<'a> Overlapping<'a> {
     }
 
     /// Light sampling takes these transmittances in closed form; path sampling had to survive them.
-    fn count_closed_forms(&self, met: &Met, ray: &Ray, t_max: f64, flown: &mut Flown) {
+    fn count_closed_forms(&self, met: &Met, ray: &Ray, t_max: f64, flown: &mut Flown<f32>) {
         for &index in met {
             let medium = &self.media[index as usize];
             if let Some(transmittance) = closed_form(medium, ray, t_max) {
@@ -407,15 +407,20 @@ impl<'a> Overlapping<'a> {
 }
 
 impl Media for Overlapping<'_> {
+    type Nulls = f32;
+    type Others = Together;
+
     fn flight<R: Rng>(
         &self,
-        ray: &Ray,
-        t_max: f64,
-        first: Option<f32>,
-        flown: &mut Flown,
+        (ray, t_max): (&Ray, f64),
+
+        first: Option<[f32; 2]>,
+        flown: &mut Flown<f32>,
+        _: &mut Together,
         rng: &mut R,
         tally: &mut Tally,
     ) -> Option<Collision> {
+        let first = first.map(|[depth, _]| depth);
         let met = self.index.along(ray, t_max);
         let mut ahead = self.ahead(&met, ray, t_max);
         if !matches!(self.methods.distance, DistanceSampler::Spectral | DistanceSampler::Delta) {
@@ -503,6 +508,7 @@ impl Media for Overlapping<'_> {
         ray: &Ray,
         t_max: f64,
         threshold: f32,
+        _: Vec3,
         rng: &mut R,
         tally: &mut Tally,
     ) -> Shadow {

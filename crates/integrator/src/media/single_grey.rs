@@ -1,7 +1,7 @@
 //! One grid of grey extinction: the kernel of most clouds. No channels, no list of media, no choice of voxel type, no phase
 //! functions but isotropic and Henyey-Greenstein.
 
-use super::{Collision, Flown, Media, Methods, Ray, Shadow};
+use super::{Collision, Flown, Media, Methods, Ray, Shadow, Together};
 use glam::{DVec3, Vec3};
 use pileus_media::distance::{DistanceSampler, Flight, delta_tracking};
 use pileus_media::transmittance::{Estimator, ratio_tracking_with_roulette};
@@ -16,11 +16,12 @@ use std::marker::PhantomData;
 pub(crate) trait Structures: Sync {
     /// The partition that rays walk.
     type Cells<'a>: Partition;
-    /// The ray field of a span.
+    /// The ray field of a span, for a share of the extinction.
     fn ray<'a, V: Voxel>(
         medium: &'a GridMedium,
         voxels: &'a [V],
         span: &Span,
+        share: f32,
     ) -> GridRay<'a, V, Self::Cells<'a>>;
 }
 
@@ -34,8 +35,9 @@ impl Structures for DefaultStructure {
         medium: &'a GridMedium,
         voxels: &'a [V],
         span: &Span,
+        share: f32,
     ) -> GridRay<'a, V, Adaptive<'a>> {
-        medium.ray(voxels, span)
+        medium.ray_of_share(voxels, span, share)
     }
 }
 
@@ -49,9 +51,16 @@ impl Structures for AnyStructure {
         medium: &'a GridMedium,
         voxels: &'a [V],
         span: &Span,
+        share: f32,
     ) -> GridRay<'a, V, AnyPartition<'a>> {
-        medium.any_structure_ray(voxels, span)
+        medium.any_structure_ray_of_share(voxels, span, share)
     }
+}
+
+/// The phase function in the kernels of single grids. The plan gives them no others than these: none is compiled in.
+#[inline(always)]
+pub(crate) fn plain_phase(medium: &GridMedium) -> PhaseAt<'static> {
+    medium.phase().plain().unwrap_or(PhaseAt::Isotropic)
 }
 
 /// One grey grid medium with voxels of type `V` and majorant structures `S`.
@@ -72,7 +81,7 @@ impl<V: Voxel, S: Structures> SingleGrey<'_, V, S> {
         rng: &mut R,
         tally: &mut Tally,
     ) -> Shadow {
-        let field = S::ray(self.medium, self.voxels, span);
+        let field = S::ray(self.medium, self.voxels, span, 1.0);
         let estimator = self.methods.transmittance;
         let transmittance = Vec3::splat(estimator.estimate(field, Grey, threshold, rng, tally));
         let known = self.methods.weigh_the_way();
@@ -85,11 +94,11 @@ impl<V: Voxel, S: Structures> SingleGrey<'_, V, S> {
         &self,
         span: &Span,
         first: Option<f32>,
-        flown: &mut Flown,
+        flown: &mut Flown<f32>,
         rng: &mut R,
         tally: &mut Tally,
     ) -> Flight {
-        let field = S::ray(self.medium, self.voxels, span);
+        let field = S::ray(self.medium, self.voxels, span, 1.0);
         let result = self.methods.distance.fly(field, Grey, 1.0, first, rng, tally);
         flown.beta *= result.weight;
         if self.methods.weigh_the_way() {
@@ -100,19 +109,24 @@ impl<V: Voxel, S: Structures> SingleGrey<'_, V, S> {
 }
 
 impl<V: Voxel, S: Structures> Media for SingleGrey<'_, V, S> {
+    type Nulls = f32;
+    type Others = Together;
+
     #[inline(always)]
     fn flight<R: Rng>(
         &self,
-        ray: &Ray,
-        t_max: f64,
-        first: Option<f32>,
-        flown: &mut Flown,
+        (ray, t_max): (&Ray, f64),
+
+        first: Option<[f32; 2]>,
+        flown: &mut Flown<f32>,
+        _: &mut Together,
         rng: &mut R,
         tally: &mut Tally,
     ) -> Option<Collision> {
+        let first = first.map(|[depth, _]| depth);
         let span = self.medium.span(ray.origin, ray.direction, t_max)?;
         let flight = if self.methods.distance == DistanceSampler::Delta {
-            let field = S::ray(self.medium, self.voxels, &span);
+            let field = S::ray(self.medium, self.voxels, &span, 1.0);
             let walk = match first {
                 Some(depth) => TentativeCollisions::with_first(field, depth),
                 None => TentativeCollisions::new(field),
@@ -139,6 +153,7 @@ impl<V: Voxel, S: Structures> Media for SingleGrey<'_, V, S> {
         ray: &Ray,
         t_max: f64,
         threshold: f32,
+        _: Vec3,
         rng: &mut R,
         tally: &mut Tally,
     ) -> Shadow {
@@ -148,7 +163,7 @@ impl<V: Voxel, S: Structures> Media for SingleGrey<'_, V, S> {
         if self.methods.transmittance != Estimator::Ratio {
             return self.other_transmittance(&span, threshold, rng, tally);
         }
-        let walk = TentativeCollisions::new(S::ray(self.medium, self.voxels, &span));
+        let walk = TentativeCollisions::new(S::ray(self.medium, self.voxels, &span, 1.0));
         let estimate = ratio_tracking_with_roulette(walk, Grey, threshold, rng, tally);
         let known = self.methods.distance.decides_at_collisions();
         Shadow {
@@ -160,16 +175,13 @@ impl<V: Voxel, S: Structures> Media for SingleGrey<'_, V, S> {
     fn scattering<R: Rng>(
         &self,
         p_world: DVec3,
-        incoming: Vec3,
-        rng: &mut R,
+        _: Vec3,
+        _: &mut R,
         mut visit: impl FnMut(Vec3, PhaseAt<'_>),
     ) {
         let sigma_t = self.medium.sigma_t_at(p_world) as f32;
         if sigma_t > 0.0 {
-            visit(
-                self.medium.albedo_at(p_world) * sigma_t,
-                self.medium.phase_at(p_world, incoming, rng),
-            );
+            visit(self.medium.albedo_at(p_world) * sigma_t, plain_phase(self.medium));
         }
     }
 
@@ -186,8 +198,6 @@ impl<V: Voxel, S: Structures> Media for SingleGrey<'_, V, S> {
         _: Vec3,
         _: &mut R,
     ) -> (PhaseAt<'_>, Vec3) {
-        // The plan gives this kernel no other: none is compiled into it.
-        let phase = self.medium.phase().plain().unwrap_or(PhaseAt::Isotropic);
-        (phase, self.medium.albedo_at(p_world))
+        (plain_phase(self.medium), self.medium.albedo_at(p_world))
     }
 }

@@ -117,6 +117,7 @@ impl RenderMethod {
         let (distance, transmittance) = methods.split_once('+').ok_or_else(wrong)?;
         let distance = match distance {
             "auto" => Distance::Auto,
+            "split" => Distance::Split,
             "equiangular" => Distance::Equiangular,
             name => Distance::By(DistanceSampler::from_name(name).ok_or_else(wrong)?),
         };
@@ -187,7 +188,7 @@ impl Run {
         };
         let sampler = match self.plan.distance {
             Distance::By(sampler) => sampler.is_unbiased(),
-            Distance::Auto | Distance::Equiangular => true,
+            Distance::Auto | Distance::Split | Distance::Equiangular => true,
         };
         estimator && sampler
     }
