@@ -11,7 +11,7 @@
 
 use crate::counters::Counters;
 use crate::interior::{self, Inside};
-use crate::lights::{Fire, Lights};
+use crate::lights::{Choice, Fire, Lights};
 use crate::media::{Flown, Media, Ray};
 use crate::sampler::PathSampler;
 use crate::world::{InMedium, Vertex, World, luminance};
@@ -21,7 +21,7 @@ use pileus_media::distance::Equiangular;
 use pileus_media::phase::ISOTROPIC;
 use pileus_media::random::uniform;
 use pileus_media::{Phase, Tally};
-use pileus_scene::{Bsdf, Environment};
+use pileus_scene::{Bsdf, Environment, Interior};
 
 /// Throughput below which a path is played roulette.
 const ROULETTE_THROUGHPUT: f32 = 0.25;
@@ -129,8 +129,17 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
                     Event::Collision { t, .. } => *t,
                     _ => t_surface,
                 };
-                let flight = (&ray, t_end, t_surface);
-                radiance += self.glow(flight, before, last.as_ref(), &inside, sampler, &mut tally);
+                radiance += before
+                    * self.glow(
+                        (&ray, t_end, t_surface),
+                        inside.last(),
+                        |number| {
+                            last.as_ref()
+                                .map_or(1.0, |last| self.weight_of_fire(number, last, &ray))
+                        },
+                        sampler,
+                        &mut tally,
+                    );
             }
             let (p, vertex, turn) = match event {
                 Event::Escape => {
@@ -299,37 +308,38 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         weight_of_path(last.pdf * null_probability, last.pdf, pdf_light)
     }
 
-    /// Light of fires along a flight that ends at `t_end` (and would have ended at `t_surface` at last), weighted against shadow rays.
+    /// Weight of what a path meets of a fire along a ray from a vertex: of densities of directions, since shadow rays collect along lines as paths do.
+    fn weight_of_fire(&self, number: usize, last: &Last<W::Vertex>, ray: &Ray) -> f32 {
+        let Some((index, fire)) = self.lights.fire(number) else { return 1.0 };
+        let pdf_light = fire.pdf(last.p, ray.direction) * self.probability(index, last);
+        weight_of_path(last.pdf, last.pdf, pdf_light)
+    }
+
+    /// Light of fires along a flight that ends at `t_end` (and would have ended at `t_surface` at last), in the body it is in, times a weight for each fire that is asked for once it is met.
     ///
     /// Points of a fire lie at equal steps of a rate that bounds its strength. Where flights end with the medium's own density and without weights, the points up
     /// to the end are counted as they are: a flight survives to each with the transmittance. Else one of all points is drawn, and the transmittance to it
-    /// estimated. Densities per volume over distance squared are weighted; null collisions are left out on both sides.
+    /// estimated.
     #[inline(never)]
     fn glow(
         &self,
         (ray, t_end, t_surface): (&Ray, f64, f64),
-        beta: Vec3,
-        last: Option<&Last<W::Vertex>>,
-        inside: &Inside,
+        body: Option<&Interior>,
+        weight: impl Fn(usize) -> f32,
         sampler: &mut PathSampler,
         tally: &mut Tally,
     ) -> Vec3 {
         let mut radiance = Vec3::ZERO;
         // One of all points by weighted reservoir sampling, for flights with weights.
         let (mut total, mut chosen) = (0.0f32, None);
-        let analog = self.analog_flights && inside.is_empty();
+        let analog = self.analog_flights && body.is_none();
         for (number, fire) in self.world.fires().iter().enumerate() {
             let to = if analog { t_end } else { t_surface };
-            let target = self.lights.fire(number);
-            let probability =
-                last.zip(target).map(|(last, index)| (last.pdf, self.probability(index, last)));
             let u = uniform(sampler);
+            let mut weight_of_all = None;
             fire.points(ray.origin, ray.direction, to, u, tally, |point| {
-                let weight = probability.map_or(1.0, |(pdf, probability)| {
-                    let sampled = Fire::pdf_of_direction(fire.pdf(point.p), point.t, point.rate);
-                    weight_of_path(pdf, pdf, sampled * probability)
-                });
-                let light = point.contribution * weight;
+                let light =
+                    point.contribution * *weight_of_all.get_or_insert_with(|| weight(number));
                 if analog {
                     radiance += light;
                     return;
@@ -345,10 +355,41 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         }
         if let Some((t, light)) = chosen {
             let shadow = self.media.transmittance(ray, t, SHADOW_ROULETTE, sampler, tally);
-            let body = inside.last().map_or(Vec3::ONE, |body| interior::transmittance(body, t));
+            let body = body.map_or(Vec3::ONE, |body| interior::transmittance(body, t));
             radiance += light * total * shadow.transmittance * body;
         }
-        beta * radiance
+        radiance
+    }
+
+    /// Radiance scattered at a vertex from a fire, by a flight in a direction drawn by what the vertex sees of it.
+    #[inline(never)]
+    fn next_event_of_fire(
+        &self,
+        at: &Shading<'_, W::Vertex>,
+        (fire, choice): (&Fire, Choice),
+        u: [f32; 2],
+        sampler: &mut PathSampler,
+        tally: &mut Tally,
+        counters: &mut Counters,
+    ) -> Vec3 {
+        let Some((wi, pdf_fire)) = fire.sample(at.p, u, sampler) else { return Vec3::ZERO };
+        let (value, _, pdf) = at.vertex.eval(wi);
+        if value == Vec3::ZERO {
+            return Vec3::ZERO;
+        }
+        counters.shadow_rays += 1;
+        let ray = Ray { origin: at.vertex.origin(at.p, wi), direction: wi };
+        let t_surface = self.world.intersect(&ray, sampler).map_or(f64::INFINITY, |hit| hit.t);
+        let body = at.vertex.body(at.inside, wi);
+        let mut t_end = t_surface;
+        if self.analog_flights && body.is_none() {
+            let mut flown = Flown { beta: Vec3::ONE, null_probability: 1.0 };
+            let end = self.media.flight(&ray, t_surface, None, &mut flown, sampler, tally);
+            t_end = end.map_or(t_surface, |collision| collision.t);
+        }
+        let only = |number| if number == fire.number() { 1.0 } else { 0.0 };
+        let light = self.glow((&ray, t_end, t_surface), body, only, sampler, tally);
+        at.beta * value * light / (pdf_fire * choice.probability + pdf)
     }
 
     /// Radiance scattered at a vertex from one light, by a shadow ray.
@@ -369,6 +410,12 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         } else {
             [0.0; 2]
         };
+        if W::WHOLE
+            && let Some(fire) = self.lights.as_fire(choice.index)
+        {
+            let of = (fire, choice);
+            return self.next_event_of_fire(at, of, direction, sampler, tally, counters);
+        }
         let Some(light) = self.lights.sample(choice.index, at.p, direction, sampler) else {
             return Vec3::ZERO;
         };
@@ -393,11 +440,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         let mut weight = 1.0 / (choice.probability * survive);
         if MIS && light.pdf > 0.0 {
             // Density of the same path under path sampling: its null decisions are weighted by the throughput of their channels.
-            let nulls = if W::WHOLE && light.along_the_way {
-                1.0
-            } else {
-                at.beta.dot(shadow.null_probability) / at.beta.element_sum()
-            };
+            let nulls = at.beta.dot(shadow.null_probability) / at.beta.element_sum();
             let pdf_light = light.pdf * choice.probability;
             weight *= pdf_light / (pdf_light + pdf * nulls);
         }

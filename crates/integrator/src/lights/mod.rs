@@ -1,6 +1,9 @@
 //! Lights that next-event estimation can aim at, and the choice among them.
 
+mod fire;
 mod tree;
+
+pub(crate) use fire::Fire;
 
 use crate::settings::LightSampling;
 use crate::world::luminance;
@@ -8,7 +11,6 @@ use glam::{DVec3, Vec3};
 use pileus_media::elementary::sin_cos_turn;
 use pileus_media::phase::ISOTROPIC;
 use pileus_media::random::uniform;
-use pileus_media::{EmissionField, POINTS_PER_LINE};
 use pileus_scene::{EnvironmentImage, Light, Scene, Surfaces};
 use rand_core::Rng;
 use std::sync::Arc;
@@ -77,7 +79,6 @@ impl Lamps {
             weight: radiance / pdf,
             pdf,
             everywhere: false,
-            along_the_way: false,
         })
     }
 }
@@ -85,59 +86,6 @@ impl Lamps {
 /// Density per solid angle of uniform points on an area seen at a distance under a cosine; infinite edge-on.
 fn pdf_of_area(area: f64, distance: f64, cos: f32) -> f32 {
     (distance * distance / (area * f64::from(cos.abs()))) as f32
-}
-
-/// A volume that gives off light, as a light.
-#[derive(Debug, Clone)]
-pub(crate) struct Fire {
-    field: Arc<EmissionField>,
-    /// Number among the scene's fires.
-    number: usize,
-    centre: DVec3,
-    /// Square of half its size: within it, it is no nearer.
-    size2: f64,
-    strength: f32,
-}
-
-impl Fire {
-    fn new(number: usize, field: &Arc<EmissionField>) -> Option<Fire> {
-        let (low, high) = field.bounds_world()?;
-        let strength = field.power() as f32;
-        (strength > 0.0).then(|| Fire {
-            field: Arc::clone(field),
-            number,
-            centre: 0.5 * (low + high),
-            size2: (0.5 * (high - low)).length_squared() / 3.0,
-            strength,
-        })
-    }
-
-    /// The density per solid angle that has the same ratio to that of paths as `pdf`, per volume, of a point at a distance has. Paths score in a volume at the
-    /// field's rate, but the points on one path are as good as one: weights take the rate over the number of points on a typical line.
-    pub(crate) fn pdf_of_direction(pdf: f32, distance: f64, rate: f32) -> f32 {
-        (f64::from(pdf) * distance * distance * POINTS_PER_LINE / f64::from(rate)) as f32
-    }
-
-    /// A point of the volume, drawn by what it emits.
-    fn sample<R: Rng + ?Sized>(&self, p: DVec3, u: [f32; 2], rng: &mut R) -> Option<LightSample> {
-        let point = self.field.sample([u[0], u[1], uniform(rng), uniform(rng)])?;
-        let to = point.p - p;
-        let distance = to.length();
-        let rate = self.field.rate(point.p);
-        let per_direction = f64::from(point.pdf) * distance * distance;
-        if !(per_direction > 0.0 && per_direction.is_finite() && rate > 0.0) {
-            return None;
-        }
-        Some(LightSample {
-            wi: (to / distance).as_vec3(),
-            distance,
-            end: None,
-            weight: (point.emission.as_dvec3() / per_direction).as_vec3(),
-            pdf: Fire::pdf_of_direction(point.pdf, distance, rate),
-            everywhere: false,
-            along_the_way: true,
-        })
-    }
 }
 
 impl Target {
@@ -201,8 +149,6 @@ pub(crate) struct LightSample {
     pub(crate) pdf: f32,
     /// Whether the direction may lie anywhere, so that the choice of the light did not know the phase function's value.
     pub(crate) everywhere: bool,
-    /// Whether a path meets it on its way, not at its end: weights leave out null collisions then.
-    pub(crate) along_the_way: bool,
 }
 
 /// All lights of a scene that shadow rays are sent to.
@@ -262,11 +208,12 @@ impl Lights {
                 targets.push(Target::Lamps(lamps));
             }
         }
-        let fires = scene.fires().enumerate().filter_map(|(i, field)| Fire::new(i, field));
-        targets.extend(fires.map(Target::Fire));
         let mut paths_only = Vec::new();
         if sampling == LightSampling::Paths {
             (paths_only, targets) = targets.into_iter().partition(Target::met_by_paths);
+        } else {
+            let fires = 0..scene.fires().count();
+            targets.extend(fires.filter_map(|number| Fire::new(scene, number)).map(Target::Fire));
         }
         Lights { targets, paths_only }
     }
@@ -321,8 +268,7 @@ impl Lights {
                 (received, received)
             }
             Target::Fire(fire) => {
-                let distance2 = (fire.centre - p).length_squared().max(fire.size2).max(1e-30);
-                let received = (f64::from(fire.strength) / distance2) as f32 * ISOTROPIC;
+                let received = fire.received(p) * ISOTROPIC;
                 (received, received)
             }
         }
@@ -361,7 +307,7 @@ impl Lights {
         })
     }
 
-    /// A direction towards light `index` from `p`.
+    /// A direction towards light `index` from `p`; `None` also for fires, which are aimed at by what a point sees of them: [`Lights::as_fire`].
     #[inline(always)]
     pub(crate) fn sample<R: Rng + ?Sized>(
         &self,
@@ -378,7 +324,6 @@ impl Lights {
                 weight: *irradiance,
                 pdf: 0.0,
                 everywhere: false,
-                along_the_way: false,
             }),
             Target::Disc(disc) => Some(LightSample {
                 wi: disc.sample(u),
@@ -387,7 +332,6 @@ impl Lights {
                 weight: disc.radiance / disc.pdf,
                 pdf: disc.pdf,
                 everywhere: false,
-                along_the_way: false,
             }),
             Target::Position { light, position, .. } => {
                 let to = *position - p;
@@ -402,15 +346,7 @@ impl Lights {
                     _ => Vec3::ZERO,
                 };
                 let weight = (intensity.as_dvec3() / (distance * distance)).as_vec3();
-                Some(LightSample {
-                    wi,
-                    distance,
-                    end: None,
-                    weight,
-                    pdf: 0.0,
-                    everywhere: false,
-                    along_the_way: false,
-                })
+                Some(LightSample { wi, distance, end: None, weight, pdf: 0.0, everywhere: false })
             }
             Target::Image { image, .. } => {
                 let sample = image.sample(u)?;
@@ -421,11 +357,10 @@ impl Lights {
                     weight: sample.radiance / sample.pdf,
                     pdf: sample.pdf,
                     everywhere: true,
-                    along_the_way: false,
                 })
             }
             Target::Lamps(lamps) => lamps.sample(p, u, uniform(rng)),
-            Target::Fire(fire) => fire.sample(p, u, rng),
+            Target::Fire(_) => None,
         }
     }
 
@@ -448,11 +383,21 @@ impl Lights {
         })
     }
 
-    /// Index of fire number `number` of the scene; `None` if no shadow ray is sent to it.
-    pub(crate) fn fire(&self, number: usize) -> Option<usize> {
-        self.targets
-            .iter()
-            .position(|target| matches!(target, Target::Fire(fire) if fire.number == number))
+    /// Light `index`, if it is a fire.
+    #[inline(always)]
+    pub(crate) fn as_fire(&self, index: usize) -> Option<&Fire> {
+        match &self.targets[index] {
+            Target::Fire(fire) => Some(fire),
+            _ => None,
+        }
+    }
+
+    /// Fire number `number` of the scene and its index; `None` if no shadow ray is sent to it.
+    pub(crate) fn fire(&self, number: usize) -> Option<(usize, &Fire)> {
+        self.targets.iter().enumerate().find_map(|(index, target)| match target {
+            Target::Fire(fire) if fire.number() == number => Some((index, fire)),
+            _ => None,
+        })
     }
 
     /// Calls `visit` for every light at infinity that an escaping ray meets: its radiance, and if shadow rays are sent to it, its

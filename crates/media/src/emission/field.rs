@@ -1,7 +1,7 @@
 //! Emission placed in the world.
 
 use super::cells::{Cells, EmissionReport};
-use super::regions::Regions;
+use super::lattice::Lattice;
 use super::source::EmissionSource;
 use crate::Error;
 use crate::field::RayField;
@@ -13,7 +13,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 /// Points on a line through the emission, on average over lines that meet it.
-pub const POINTS_PER_LINE: f64 = 8.0;
+const POINTS_PER_LINE: f64 = 8.0;
 
 /// A field of emission in the world: radiance per scene unit, whatever the extinction. Immutable; cheap to copy, since everything large is shared.
 ///
@@ -24,11 +24,9 @@ pub struct EmissionField {
     source: Arc<EmissionSource>,
     /// The bounds as if they were extinction: the rate of points, 1/length.
     bounds: GridMedium,
-    regions: Arc<Regions>,
+    lattice: Arc<Lattice>,
     index_to_world: DAffine3,
     world_to_index: DAffine3,
-    /// Volume of a cell in the world.
-    cell_volume: f64,
     /// Rate over emission.
     rate_factor: f32,
     power: f64,
@@ -46,17 +44,6 @@ pub struct EmissionPoint {
     pub contribution: Vec3,
     /// Points per length here, positive.
     pub rate: f32,
-}
-
-/// A point of the volume drawn by the light that it gives off.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct EmissionSample {
-    /// Where, in the world.
-    pub p: DVec3,
-    /// Radiance per length there; may be black at the edge of the field.
-    pub emission: Vec3,
-    /// Density per volume, positive.
-    pub pdf: f32,
 }
 
 impl EmissionField {
@@ -95,7 +82,7 @@ impl EmissionField {
             Albedo::Constant([0.0; 3]),
             Phase::Isotropic,
         )?;
-        let regions = Regions::new(&cells);
+        let lattice = Lattice::new(&cells);
         let of_grid = grid.report();
         let report = EmissionReport {
             seconds: start.elapsed().as_secs_f64(),
@@ -104,15 +91,14 @@ impl EmissionField {
             bytes: of_grid.bytes_voxels
                 + of_grid.bytes_bounds
                 + of_grid.bytes_index
-                + regions.bytes(),
+                + lattice.bytes(),
         };
         Ok(EmissionField {
             source: Arc::new(source),
             bounds,
-            regions: Arc::new(regions),
+            lattice: Arc::new(lattice),
             index_to_world,
             world_to_index,
-            cell_volume: volume,
             rate_factor,
             power: cells.power() * volume,
             report,
@@ -138,7 +124,7 @@ impl EmissionField {
         tally: &mut Tally,
         mut visit: impl FnMut(EmissionPoint),
     ) {
-        if self.regions.is_empty() {
+        if self.lattice.is_empty() {
             return;
         }
         let Some(span) = self.bounds.span(origin, direction, t_max) else { return };
@@ -178,20 +164,12 @@ impl EmissionField {
         self.bounds.point_rate(p_world)
     }
 
-    /// A point drawn in proportion to the luminance that its cell gives off, uniform within the cell; `None` if nothing emits.
-    pub fn sample(&self, u: [f32; 4]) -> Option<EmissionSample> {
-        let drawn = self.regions.sample(u)?;
-        Some(EmissionSample {
-            p: self.index_to_world.transform_point3(drawn.p_index),
-            emission: self.source.at(drawn.p_index),
-            pdf: (drawn.pdf / self.cell_volume) as f32,
-        })
+    pub(super) fn lattice(&self) -> &Lattice {
+        &self.lattice
     }
 
-    /// Density per volume of [`sample`](EmissionField::sample) at a point in the world.
-    pub fn pdf(&self, p_world: DVec3) -> f32 {
-        let p_index = self.world_to_index.transform_point3(p_world);
-        (self.regions.pdf(p_index) / self.cell_volume) as f32
+    pub(super) fn index_to_world(&self) -> DAffine3 {
+        self.index_to_world
     }
 
     /// Luminance of the emission integrated over the world; times `4 pi` the total power. By two Gauss points per axis and voxel: exact for grids and products of grids; measured
@@ -202,7 +180,7 @@ impl EmissionField {
 
     /// The box in the world that holds all emission; `None` if nothing emits.
     pub fn bounds_world(&self) -> Option<(DVec3, DVec3)> {
-        if self.regions.is_empty() { None } else { self.bounds.bounds_world() }
+        if self.lattice.is_empty() { None } else { self.bounds.bounds_world() }
     }
 
     /// Where the emission comes from.
