@@ -1,9 +1,11 @@
 //! One path: the null-scattering path integral [Miller et al. 2019] by free flights, phase sampling and next-event estimation.
 //!
 //! Light that a path can only reach one way has weight one: delta lights by shadow rays, the constant part of the environment by escape.
-//! What both can reach (the bright part of an environment image, a sun's disc, emissive triangles, fire) is weighted by the balance heuristic over the
+//! What both can reach (the bright part of an environment image, a sun's disc, emissive triangles) is weighted by the balance heuristic over the
 //! densities of the whole null-scattering path. Both walks share the majorants, so all exponentials cancel: the ratio of the light
 //! sampling's density to the path sampling's is `p_light / (p_phase * product of null probabilities)`.
+//!
+//! Fires draw paths to themselves: a share of the directions is drawn by what a vertex sees of them, and all along each flight is collected, by the one density of the mixture.
 //!
 //! Surfaces are events along the ray, taken in order with the collisions. What a scene does not have is compiled out: see [`World`].
 //!
@@ -11,7 +13,7 @@
 
 use crate::counters::Counters;
 use crate::interior::{self, Inside};
-use crate::lights::{Choice, Fire, Lights};
+use crate::lights::{Guide, Lights};
 use crate::media::{Flown, Media, Ray};
 use crate::sampler::PathSampler;
 use crate::world::{InMedium, Vertex, World, luminance};
@@ -21,7 +23,7 @@ use pileus_media::distance::Equiangular;
 use pileus_media::phase::ISOTROPIC;
 use pileus_media::random::uniform;
 use pileus_media::{Phase, Tally};
-use pileus_scene::{Bsdf, Environment, Interior};
+use pileus_scene::{Bsdf, Environment, Interaction};
 
 /// Throughput below which a path is played roulette.
 const ROULETTE_THROUGHPUT: f32 = 0.25;
@@ -38,6 +40,13 @@ const SHADOW_IMPORTANCE: f32 = 1.0;
 
 /// Shadow walks whose product of transmittance and importance falls below this are played roulette.
 const SHADOW_ROULETTE: f32 = 0.3;
+
+/// Distance of the points of a fire on flights after the first, over that on the first: what is seen directly is worth more of them.
+const SPACING: f32 = 2.0;
+
+/// Paths whose throughput has grown beyond this by directions drawn by fires are drawn no more, so that the weights of long paths stay bounded: at surfaces, and in media, where there are many.
+const MOST_DRAWN_AT_SURFACES: f32 = 4.0;
+const MOST_DRAWN_IN_MEDIA: f32 = 1.0;
 
 /// What a kernel is compiled for and what it reads.
 pub(crate) struct Kernel<'a, M, W> {
@@ -89,6 +98,8 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
             Some(pileus_media::random::exponential_from((first * 4_294_967_296.0) as u32));
         let mut last: Option<Last<W::Vertex>> = None;
         let mut inside = Inside::new();
+        // What directions drawn by fires have put on the throughput.
+        let mut drawn = 1.0f32;
         loop {
             let hit = self.world.intersect(&ray, sampler);
             let t_surface = hit.as_ref().map_or(f64::INFINITY, |hit| hit.t);
@@ -129,17 +140,9 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
                     Event::Collision { t, .. } => *t,
                     _ => t_surface,
                 };
-                radiance += before
-                    * self.glow(
-                        (&ray, t_end, t_surface),
-                        inside.last(),
-                        |number| {
-                            last.as_ref()
-                                .map_or(1.0, |last| self.weight_of_fire(number, last, &ray))
-                        },
-                        sampler,
-                        &mut tally,
-                    );
+                let spacing = if bounces == 0 { 1.0 } else { SPACING };
+                let flight = (&ray, t_end, t_surface);
+                radiance += before * self.glow(flight, spacing, &inside, sampler, &mut tally);
             }
             let (p, vertex, turn) = match event {
                 Event::Escape => {
@@ -201,10 +204,23 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
                 Turn::Medium(_) => (true, true),
                 Turn::Surface(bsdf, _) => (!bsdf.is_delta(), false),
             };
+            let most_drawn = if in_medium { MOST_DRAWN_IN_MEDIA } else { MOST_DRAWN_AT_SURFACES };
+            let guide = if W::WHOLE && scatters && drawn <= most_drawn {
+                self.lights.guide(p, in_medium, luminance(self.environment.constant))
+            } else {
+                None
+            };
             if scatters && !self.lights.is_empty() {
                 let flight = Flight { ray: &ray, part, in_medium };
-                let shading =
-                    Shading { p, vertex: &vertex, beta, strongest, inside: &inside, flight };
+                let shading = Shading {
+                    p,
+                    vertex: &vertex,
+                    beta,
+                    strongest,
+                    inside: &inside,
+                    flight,
+                    guide: guide.as_ref(),
+                };
                 radiance += self.next_event::<MIS, EQUIANGULAR>(
                     &shading,
                     [u_light, u_shadow],
@@ -215,6 +231,8 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
             }
             // Light that smooth glass reflects for ever loses nothing: long paths end by chance at surfaces, never in media, which let go of theirs.
             let trapped = W::WHOLE && !in_medium && bounces > LONG_PATH;
+            // How much light a direction drawn by a fire stands for says nothing of how much the path may still find.
+            let strongest = if W::WHOLE { strongest / drawn } else { strongest };
             if strongest < ROULETTE_THROUGHPUT || trapped {
                 let survive = strongest / ROULETTE_THROUGHPUT;
                 let survive = if trapped { survive.min(LONG_PATH_SURVIVAL) } else { survive };
@@ -223,22 +241,54 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
                 }
                 beta /= survive;
             }
-            let (wi, pdf) = match &turn {
-                Turn::Medium(phase) => phase.sample(ray.direction, [u_phase0, u_phase1]),
-                Turn::Surface(bsdf, interaction) => {
-                    let u = [u_phase0, u_phase1, uniform(sampler)];
-                    let Some(sample) = bsdf.sample(-ray.direction, u) else { break };
-                    beta *= sample.weight;
-                    if sample.transmitted && !interaction.parameters.thin_walled {
-                        if interaction.front_face {
-                            inside.push(interaction.interior.unwrap_or(interior::CLEAR));
-                        } else {
-                            inside.pop();
+            let by_fire = guide.as_ref().filter(|guide| uniform(sampler) < guide.share);
+            let (wi, own) = if let Some(guide) = by_fire {
+                let u = if bounces == 1 {
+                    sampler.stratified(2)
+                } else {
+                    [u_phase0, u_phase1, uniform(sampler), uniform(sampler)]
+                };
+                let u = [u[0], uniform(sampler), u[1], u[2]];
+                let Some(wi) = self.lights.fires().sample(guide, u) else { break };
+                let (value, _, own) = vertex.eval(wi);
+                if !(own > 0.0) {
+                    break;
+                }
+                beta *= value / own;
+                if let Turn::Surface(_, interaction) = &turn
+                    && wi.dot(interaction.geometric_normal)
+                        * ray.direction.dot(interaction.geometric_normal)
+                        > 0.0
+                {
+                    pass_through(&mut inside, interaction);
+                }
+                (wi, own)
+            } else {
+                match &turn {
+                    Turn::Medium(phase) => phase.sample(ray.direction, [u_phase0, u_phase1]),
+                    Turn::Surface(bsdf, interaction) => {
+                        let u = [u_phase0, u_phase1, uniform(sampler)];
+                        let Some(sample) = bsdf.sample(-ray.direction, u) else { break };
+                        beta *= sample.weight;
+                        if sample.transmitted {
+                            pass_through(&mut inside, interaction);
                         }
+                        (sample.wi, sample.pdf)
                     }
-                    (sample.wi, sample.pdf)
                 }
             };
+            let mut pdf = own;
+            if let Some(guide) = &guide {
+                // A direction without density, as smooth glass has, is none of the fires'.
+                let weight = if own > 0.0 {
+                    pdf = self.lights.fires().pdf(guide, wi, own);
+                    own / pdf
+                } else {
+                    1.0 / (1.0 - guide.share)
+                };
+                beta *= weight;
+                drawn *= weight;
+            }
             let origin = vertex.origin(p, wi);
             if MIS {
                 last = Some(Last { p, vertex, pdf });
@@ -308,38 +358,29 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         weight_of_path(last.pdf * null_probability, last.pdf, pdf_light)
     }
 
-    /// Weight of what a path meets of a fire along a ray from a vertex: of densities of directions, since shadow rays collect along lines as paths do.
-    fn weight_of_fire(&self, number: usize, last: &Last<W::Vertex>, ray: &Ray) -> f32 {
-        let Some((index, fire)) = self.lights.fire(number) else { return 1.0 };
-        let pdf_light = fire.pdf(last.p, ray.direction) * self.probability(index, last);
-        weight_of_path(last.pdf, last.pdf, pdf_light)
-    }
-
-    /// Light of fires along a flight that ends at `t_end` (and would have ended at `t_surface` at last), in the body it is in, times a weight for each fire that is asked for once it is met.
+    /// Light of fires along a flight that ends at `t_end` (and would have ended at `t_surface` at last).
     ///
-    /// Points of a fire lie at equal steps of a rate that bounds its strength. Where flights end with the medium's own density and without weights, the points up
+    /// Points of a fire lie at equal steps, `spacing`, of a rate that bounds its strength. Where flights end with the medium's own density and without weights, the points up
     /// to the end are counted as they are: a flight survives to each with the transmittance. Else one of all points is drawn, and the transmittance to it
     /// estimated.
     #[inline(never)]
     fn glow(
         &self,
         (ray, t_end, t_surface): (&Ray, f64, f64),
-        body: Option<&Interior>,
-        weight: impl Fn(usize) -> f32,
+        spacing: f32,
+        inside: &Inside,
         sampler: &mut PathSampler,
         tally: &mut Tally,
     ) -> Vec3 {
         let mut radiance = Vec3::ZERO;
         // One of all points by weighted reservoir sampling, for flights with weights.
         let (mut total, mut chosen) = (0.0f32, None);
-        let analog = self.analog_flights && body.is_none();
-        for (number, fire) in self.world.fires().iter().enumerate() {
+        let analog = self.analog_flights && inside.is_empty();
+        for fire in self.world.fires() {
             let to = if analog { t_end } else { t_surface };
             let u = uniform(sampler);
-            let mut weight_of_all = None;
-            fire.points(ray.origin, ray.direction, to, u, tally, |point| {
-                let light =
-                    point.contribution * *weight_of_all.get_or_insert_with(|| weight(number));
+            fire.sparse_points(ray.origin, ray.direction, to, (u, spacing), tally, |point| {
+                let light = point.contribution;
                 if analog {
                     radiance += light;
                     return;
@@ -355,41 +396,10 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         }
         if let Some((t, light)) = chosen {
             let shadow = self.media.transmittance(ray, t, SHADOW_ROULETTE, sampler, tally);
-            let body = body.map_or(Vec3::ONE, |body| interior::transmittance(body, t));
+            let body = inside.last().map_or(Vec3::ONE, |body| interior::transmittance(body, t));
             radiance += light * total * shadow.transmittance * body;
         }
         radiance
-    }
-
-    /// Radiance scattered at a vertex from a fire, by a flight in a direction drawn by what the vertex sees of it.
-    #[inline(never)]
-    fn next_event_of_fire(
-        &self,
-        at: &Shading<'_, W::Vertex>,
-        (fire, choice): (&Fire, Choice),
-        u: [f32; 2],
-        sampler: &mut PathSampler,
-        tally: &mut Tally,
-        counters: &mut Counters,
-    ) -> Vec3 {
-        let Some((wi, pdf_fire)) = fire.sample(at.p, u, sampler) else { return Vec3::ZERO };
-        let (value, _, pdf) = at.vertex.eval(wi);
-        if value == Vec3::ZERO {
-            return Vec3::ZERO;
-        }
-        counters.shadow_rays += 1;
-        let ray = Ray { origin: at.vertex.origin(at.p, wi), direction: wi };
-        let t_surface = self.world.intersect(&ray, sampler).map_or(f64::INFINITY, |hit| hit.t);
-        let body = at.vertex.body(at.inside, wi);
-        let mut t_end = t_surface;
-        if self.analog_flights && body.is_none() {
-            let mut flown = Flown { beta: Vec3::ONE, null_probability: 1.0 };
-            let end = self.media.flight(&ray, t_surface, None, &mut flown, sampler, tally);
-            t_end = end.map_or(t_surface, |collision| collision.t);
-        }
-        let only = |number| if number == fire.number() { 1.0 } else { 0.0 };
-        let light = self.glow((&ray, t_end, t_surface), body, only, sampler, tally);
-        at.beta * value * light / (pdf_fire * choice.probability + pdf)
     }
 
     /// Radiance scattered at a vertex from one light, by a shadow ray.
@@ -410,16 +420,10 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         } else {
             [0.0; 2]
         };
-        if W::WHOLE
-            && let Some(fire) = self.lights.as_fire(choice.index)
-        {
-            let of = (fire, choice);
-            return self.next_event_of_fire(at, of, direction, sampler, tally, counters);
-        }
         let Some(light) = self.lights.sample(choice.index, at.p, direction, sampler) else {
             return Vec3::ZERO;
         };
-        let (value, size, pdf) = at.vertex.eval(light.wi);
+        let (value, size, own) = at.vertex.eval(light.wi);
         // The choice could not know where in an image the sample would lie; now it is known.
         let aimed = if light.everywhere { size / ISOTROPIC } else { 1.0 };
         let importance = choice.importance * at.strongest * aimed;
@@ -441,6 +445,10 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         if MIS && light.pdf > 0.0 {
             // Density of the same path under path sampling: its null decisions are weighted by the throughput of their channels.
             let nulls = at.beta.dot(shadow.null_probability) / at.beta.element_sum();
+            let pdf = match at.guide {
+                Some(guide) if W::WHOLE => self.lights.fires().pdf(guide, light.wi, own),
+                _ => own,
+            };
             let pdf_light = light.pdf * choice.probability;
             weight *= pdf_light / (pdf_light + pdf * nulls);
         }
@@ -547,6 +555,18 @@ enum Turn {
     Surface(Bsdf, pileus_scene::Interaction),
 }
 
+/// A path crosses a surface.
+fn pass_through(inside: &mut Inside, interaction: &Interaction) {
+    if interaction.parameters.thin_walled {
+        return;
+    }
+    if interaction.front_face {
+        inside.push(interaction.interior.unwrap_or(interior::CLEAR));
+    } else {
+        inside.pop();
+    }
+}
+
 /// Balance heuristic of a path with density `pdf_path` against a shadow ray with `pdf_light`. Directions that were the only possible ones (`pdf` zero) no shadow
 /// ray stands for.
 #[inline(always)]
@@ -573,4 +593,6 @@ struct Shading<'a, V> {
     /// The bodies that the path came in.
     inside: &'a Inside,
     flight: Flight<'a>,
+    /// How paths that go on from here are drawn to fires.
+    guide: Option<&'a Guide>,
 }

@@ -3,7 +3,7 @@
 mod fire;
 mod tree;
 
-pub(crate) use fire::Fire;
+pub(crate) use fire::{Fires, Guide};
 
 use crate::settings::LightSampling;
 use crate::world::luminance;
@@ -29,8 +29,6 @@ pub(crate) enum Target {
     Image { image: Arc<EnvironmentImage>, strength: f32 },
     /// All emissive triangles.
     Lamps(Lamps),
-    /// A volume that gives off light.
-    Fire(Fire),
 }
 
 /// Emissive triangles under a tree.
@@ -157,6 +155,8 @@ pub(crate) struct Lights {
     targets: Vec<Target>,
     /// Discs and images that no shadow ray is sent to.
     paths_only: Vec<Target>,
+    /// Volumes that paths are drawn to.
+    fires: Fires,
 }
 
 /// A choice among the lights from one vertex.
@@ -209,13 +209,13 @@ impl Lights {
             }
         }
         let mut paths_only = Vec::new();
+        let mut fires = Fires::default();
         if sampling == LightSampling::Paths {
             (paths_only, targets) = targets.into_iter().partition(Target::met_by_paths);
         } else {
-            let fires = 0..scene.fires().count();
-            targets.extend(fires.filter_map(|number| Fire::new(scene, number)).map(Target::Fire));
+            fires = Fires::new(scene);
         }
-        Lights { targets, paths_only }
+        Lights { targets, paths_only, fires }
     }
 
     pub(crate) fn is_empty(&self) -> bool {
@@ -267,10 +267,6 @@ impl Lights {
                 let received = lamps.tree.estimate(p) * ISOTROPIC;
                 (received, received)
             }
-            Target::Fire(fire) => {
-                let received = fire.received(p) * ISOTROPIC;
-                (received, received)
-            }
         }
     }
 
@@ -307,7 +303,7 @@ impl Lights {
         })
     }
 
-    /// A direction towards light `index` from `p`; `None` also for fires, which are aimed at by what a point sees of them: [`Lights::as_fire`].
+    /// A direction towards light `index` from `p`.
     #[inline(always)]
     pub(crate) fn sample<R: Rng + ?Sized>(
         &self,
@@ -360,7 +356,6 @@ impl Lights {
                 })
             }
             Target::Lamps(lamps) => lamps.sample(p, u, uniform(rng)),
-            Target::Fire(_) => None,
         }
     }
 
@@ -383,21 +378,19 @@ impl Lights {
         })
     }
 
-    /// Light `index`, if it is a fire.
-    #[inline(always)]
-    pub(crate) fn as_fire(&self, index: usize) -> Option<&Fire> {
-        match &self.targets[index] {
-            Target::Fire(fire) => Some(fire),
-            _ => None,
-        }
+    /// The fires that paths are drawn to: none if paths are to find all light by themselves.
+    pub(crate) fn fires(&self) -> &Fires {
+        &self.fires
     }
 
-    /// Fire number `number` of the scene and its index; `None` if no shadow ray is sent to it.
-    pub(crate) fn fire(&self, number: usize) -> Option<(usize, &Fire)> {
-        self.targets.iter().enumerate().find_map(|(index, target)| match target {
-            Target::Fire(fire) if fire.number() == number => Some((index, fire)),
-            _ => None,
-        })
+    /// How a vertex at `p` is drawn to fires beside the other lights and a constant environment of luminance `constant`; `None` if it is not.
+    #[inline]
+    pub(crate) fn guide(&self, p: DVec3, in_medium: bool, constant: f32) -> Option<Guide> {
+        if self.fires.is_empty() {
+            return None;
+        }
+        let others = self.targets.iter().map(|target| Lights::estimate(target, p, |_| ISOTROPIC).1);
+        self.fires.guide(p, in_medium, others.sum::<f32>() + constant)
     }
 
     /// Calls `visit` for every light at infinity that an escaping ray meets: its radiance, and if shadow rays are sent to it, its

@@ -67,6 +67,13 @@ pub struct EmissionView {
     total: f32,
 }
 
+impl EmissionView {
+    /// Whether anything is seen: else there are no directions.
+    pub fn sees(&self) -> bool {
+        self.total > 0.0 && self.total.is_finite()
+    }
+}
+
 /// Class of a direction on the lattice: the neighbour nearest to it.
 #[inline(always)]
 fn class(v: Vec3) -> usize {

@@ -122,6 +122,19 @@ impl EmissionField {
         t_max: f64,
         u: f32,
         tally: &mut Tally,
+        visit: impl FnMut(EmissionPoint),
+    ) {
+        self.sparse_points(origin, direction, t_max, (u, 1.0), tally, visit);
+    }
+
+    /// As [`points`](EmissionField::points), `spacing` (positive) times as far apart.
+    pub fn sparse_points(
+        &self,
+        origin: DVec3,
+        direction: Vec3,
+        t_max: f64,
+        (u, spacing): (f32, f32),
+        tally: &mut Tally,
         mut visit: impl FnMut(EmissionPoint),
     ) {
         if self.lattice.is_empty() {
@@ -131,7 +144,8 @@ impl EmissionField {
         let direction = direction.as_dvec3();
         let local_to_index = self.bounds.grid().local_to_index() + 0.5;
         let mut ray = self.bounds.point_ray(&span);
-        let mut next = f64::from(u);
+        let spacing = f64::from(spacing);
+        let mut next = f64::from(u) * spacing;
         let mut passed = 0.0f64;
         while let Some(segment) = ray.next_segment() {
             let (t0, t1) = (f64::from(segment.t0), f64::from(segment.t1));
@@ -139,7 +153,7 @@ impl EmissionField {
             let end = passed + rate * (t1 - t0);
             while next < end {
                 let t = t0 + (next - passed) / rate;
-                next += 1.0;
+                next += spacing;
                 // Inside the cell whatever rounding says, so that its bound holds.
                 let p_index = ray.local_in_cell(t as f32).as_dvec3() + local_to_index;
                 let emission = self.source.at(p_index);
@@ -150,8 +164,8 @@ impl EmissionField {
                 visit(EmissionPoint {
                     t,
                     p: origin + direction * t,
-                    contribution: emission / segment.majorant,
-                    rate: segment.majorant,
+                    contribution: emission * spacing as f32 / segment.majorant,
+                    rate: segment.majorant / spacing as f32,
                 });
             }
             passed = end;
