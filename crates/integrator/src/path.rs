@@ -45,8 +45,8 @@ const SHADOW_ROULETTE: f32 = 0.3;
 const SPACING: f32 = 2.0;
 
 /// Paths whose throughput has grown beyond this by directions drawn by fires are drawn no more, so that the weights of long paths stay bounded: at surfaces, and in media, where there are many.
-const MOST_DRAWN_AT_SURFACES: f32 = 4.0;
-const MOST_DRAWN_IN_MEDIA: f32 = 1.0;
+const MOST_DRAWN_AT_SURFACES: f32 = 5.0;
+const MOST_DRAWN_IN_MEDIA: f32 = 1.5;
 
 /// What a kernel is compiled for and what it reads.
 pub(crate) struct Kernel<'a, M, W> {

@@ -404,3 +404,42 @@ impl Depths {
         let_out
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Smoke of one extinction: the closed form of what a slab of cells lets out, towards a face and along a diagonal.
+    #[test]
+    fn what_is_let_out_is_the_closed_form() {
+        let edge = 0.5f64;
+        let to_world = DAffine3::from_scale(DVec3::splat(edge));
+        let depths = Depths::new([4, 5, 6], &to_world, |_| 0.8);
+        assert_eq!(depths.margin, [2; 3]);
+        for (class, length) in [(22, 1.0f32), (4, 1.0), (26, 3f32.sqrt()), (AMID, 1.0)] {
+            let own = 0.8 * 0.5 * length;
+            let mean = (1.0 - (-own).exp()) / own;
+            for (i, let_out) in depths.let_out(class).into_iter().enumerate() {
+                let at = [i / 30, i / 6 % 5, i % 6];
+                // Cells to the end of the table.
+                let beyond = match class {
+                    22 => 5 - at[0],
+                    4 => at[0] + 2,
+                    26 => (5 - at[0]).min(6 - at[1]).min(7 - at[2]),
+                    _ => 0,
+                };
+                let exact = mean * (-own * beyond as f32).exp();
+                assert!((let_out / exact - 1.0).abs() < 1e-5, "{class} {at:?}: {let_out} {exact}");
+            }
+        }
+    }
+
+    #[test]
+    fn classes_are_the_nearest_neighbours() {
+        for class_of in (0..CLASSES).filter(|class| *class != AMID) {
+            let v = Vec3::from_array(neighbour(class_of).map(|c| c as f32));
+            assert_eq!(class(3.0 * v), class_of);
+            assert_eq!(class(v + Vec3::new(0.1, -0.2, 0.15)), class_of);
+        }
+    }
+}
