@@ -10,9 +10,9 @@ use serde_json::json;
 use std::sync::Arc;
 
 fn scenes() -> Vec<Scene> {
-    let hg = Phase::henyey_greenstein(0.7);
+    let hg = || Phase::henyey_greenstein(0.7);
     let mut grey = scene(
-        vec![cube_grid(1.0, [6.0; 3], [0.9, 0.8, 0.7], hg)],
+        vec![cube_grid(1.0, [6.0; 3], [0.9, 0.8, 0.7], hg())],
         DVec3::new(3.0, 2.0, 4.0),
         DVec3::ZERO,
         40.0,
@@ -22,7 +22,7 @@ fn scenes() -> Vec<Scene> {
     let mut chromatic = grey.clone();
     chromatic.volumes = scene(
         vec![
-            cube_grid(1.0, [6.0, 2.0, 0.5], [0.9, 0.8, 0.7], hg),
+            cube_grid(1.0, [6.0, 2.0, 0.5], [0.9, 0.8, 0.7], hg()),
             cube_homogeneous(1.4, [0.5; 3], [0.9; 3], Phase::Isotropic),
         ],
         DVec3::Z,
@@ -35,7 +35,7 @@ fn scenes() -> Vec<Scene> {
         Some(Arc::new(EnvironmentImage::new(32, 16, texels, 1.0, 0.0).unwrap()));
     let mut parting = grey.clone();
     parting.volumes = scene(
-        vec![lumpy_grid(1.0, [6.0, 2.0, 0.5], [0.9, 0.8, 0.7], hg)],
+        vec![lumpy_grid(1.0, [6.0, 2.0, 0.5], [0.9, 0.8, 0.7], hg())],
         DVec3::Z,
         DVec3::ZERO,
         40.0,

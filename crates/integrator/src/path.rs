@@ -1,9 +1,11 @@
 //! One path: the null-scattering path integral [Miller et al. 2019] by free flights, phase sampling and next-event estimation.
 //!
 //! Light that a path can only reach one way has weight one: delta lights by shadow rays, the constant part of the environment by escape.
-//! What both can reach (the bright part of an environment image, a sun's disc, emissive triangles, fire) is weighted by the balance heuristic over the
+//! What both can reach (the bright part of an environment image, a sun's disc, emissive triangles) is weighted by the balance heuristic over the
 //! densities of the whole null-scattering path. Both walks share the majorants, so all exponentials cancel: the ratio of the light
 //! sampling's density to the path sampling's is `p_light / (p_phase * product of null probabilities)`.
+//!
+//! Fires draw paths to themselves: a share of the directions is drawn by what a vertex sees of them, and all along each flight is collected, by the one density of the mixture.
 //!
 //! Surfaces are events along the ray, taken in order with the collisions. What a scene does not have is compiled out: see [`World`].
 //!
@@ -13,7 +15,7 @@
 
 use crate::counters::Counters;
 use crate::interior::{self, Inside};
-use crate::lights::{Fire, Lights};
+use crate::lights::{Guide, Lights};
 use crate::media::{Ending, Flown, Media, Ray};
 use crate::sampler::PathSampler;
 use crate::world::{InMedium, Vertex, World, luminance};
@@ -23,7 +25,7 @@ use pileus_media::distance::Equiangular;
 use pileus_media::phase::ISOTROPIC;
 use pileus_media::random::uniform;
 use pileus_media::{PhaseAt, Spectrum, Tally};
-use pileus_scene::{Bsdf, Environment};
+use pileus_scene::{Bsdf, Environment, Interaction};
 use smallvec::SmallVec;
 
 /// Throughput below which a path is played roulette.
@@ -41,6 +43,13 @@ const SHADOW_IMPORTANCE: f32 = 1.0;
 
 /// Shadow walks whose product of transmittance and importance falls below this are played roulette.
 const SHADOW_ROULETTE: f32 = 0.3;
+
+/// Distance of the points of a fire on flights after the first, over that on the first: what is seen directly is worth more of them.
+const SPACING: f32 = 2.0;
+
+/// Paths whose throughput has grown beyond this by directions drawn by fires are drawn no more, so that the weights of long paths stay bounded: at surfaces, and in media, where there are many.
+const MOST_DRAWN_AT_SURFACES: f32 = 5.0;
+const MOST_DRAWN_IN_MEDIA: f32 = 1.5;
 
 /// What a kernel is compiled for and what it reads.
 pub(crate) struct Kernel<'a, M, W> {
@@ -139,6 +148,8 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         // Of the channels, those whose first flight ends on this branch.
         let mut share = if begun == 0 { 1.0 } else { 0.0 };
         let mut inside = if W::WHOLE { self.inside.clone() } else { Inside::new() };
+        // What directions drawn by fires have put on the throughput.
+        let mut drawn = 1.0f32;
         loop {
             let hit = self.world.intersect(&ray, sampler);
             let t_surface = hit.as_ref().map_or(f64::INFINITY, |hit| hit.t);
@@ -209,8 +220,10 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
                     Event::Collision { t, .. } => *t,
                     _ => t_surface,
                 };
+                let spacing = if bounces == 0 { 1.0 } else { SPACING };
                 let flight = (&ray, t_end, t_surface);
-                radiance += self.glow(flight, before, last.as_ref(), &inside, sampler, &mut tally);
+                let fire = (before, spacing);
+                radiance += self.glow(flight, fire, &inside, sampler, &mut tally);
             }
             let (p, vertex, turn) = match event {
                 Event::Escape => {
@@ -272,10 +285,23 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
                 Turn::Medium(_) => (true, true),
                 Turn::Surface(bsdf, _) => (!bsdf.is_delta(), false),
             };
+            let most_drawn = if in_medium { MOST_DRAWN_IN_MEDIA } else { MOST_DRAWN_AT_SURFACES };
+            let guide = if W::WHOLE && scatters && drawn <= most_drawn {
+                self.lights.guide(p, in_medium, luminance(self.environment.constant))
+            } else {
+                None
+            };
             if scatters && !self.lights.is_empty() {
                 let flight = Flight { ray: &ray, part, in_medium };
-                let shading =
-                    Shading { p, vertex: &vertex, beta, strongest, inside: &inside, flight };
+                let shading = Shading {
+                    p,
+                    vertex: &vertex,
+                    beta,
+                    strongest,
+                    inside: &inside,
+                    flight,
+                    guide: guide.as_ref(),
+                };
                 radiance += self.next_event::<MIS, EQUIANGULAR>(
                     &shading,
                     [u_light, u_shadow],
@@ -286,6 +312,8 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
             }
             // Light that smooth glass reflects for ever loses nothing: long paths end by chance at surfaces, never in media, which let go of theirs.
             let trapped = W::WHOLE && !in_medium && bounces > LONG_PATH;
+            // How much light a direction drawn by a fire stands for says nothing of how much the path may still find.
+            let strongest = if W::WHOLE { strongest / drawn } else { strongest };
             if strongest < ROULETTE_THROUGHPUT || trapped {
                 let survive = strongest / ROULETTE_THROUGHPUT;
                 let survive = if trapped { survive.min(LONG_PATH_SURVIVAL) } else { survive };
@@ -294,18 +322,54 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
                 }
                 beta /= survive;
             }
-            let (wi, pdf) = match &turn {
-                Turn::Medium(phase) => phase.sample(ray.direction, [u_phase0, u_phase1]),
-                Turn::Surface(bsdf, interaction) => {
-                    let u = [u_phase0, u_phase1, uniform(sampler)];
-                    let Some(sample) = bsdf.sample(-ray.direction, u) else { break };
-                    beta *= sample.weight;
-                    if sample.transmitted && !interaction.parameters.thin_walled {
-                        inside.cross(interaction);
+            let by_fire = guide.as_ref().filter(|guide| uniform(sampler) < guide.share);
+            let (wi, own) = if let Some(guide) = by_fire {
+                let u = if bounces == 1 {
+                    sampler.stratified(2)
+                } else {
+                    [u_phase0, u_phase1, uniform(sampler), uniform(sampler)]
+                };
+                let u = [u[0], uniform(sampler), u[1], u[2]];
+                let Some(wi) = self.lights.fires().sample(guide, u) else { break };
+                let (value, _, own) = vertex.eval(wi);
+                if !(own > 0.0) {
+                    break;
+                }
+                beta *= value / own;
+                if let Turn::Surface(_, interaction) = &turn
+                    && wi.dot(interaction.geometric_normal)
+                        * ray.direction.dot(interaction.geometric_normal)
+                        > 0.0
+                {
+                    pass_through(&mut inside, interaction);
+                }
+                (wi, own)
+            } else {
+                match &turn {
+                    Turn::Medium(phase) => phase.sample(ray.direction, [u_phase0, u_phase1]),
+                    Turn::Surface(bsdf, interaction) => {
+                        let u = [u_phase0, u_phase1, uniform(sampler)];
+                        let Some(sample) = bsdf.sample(-ray.direction, u) else { break };
+                        beta *= sample.weight;
+                        if sample.transmitted {
+                            pass_through(&mut inside, interaction);
+                        }
+                        (sample.wi, sample.pdf)
                     }
-                    (sample.wi, sample.pdf)
                 }
             };
+            let mut pdf = own;
+            if let Some(guide) = &guide {
+                // A direction without density, as smooth glass has, is none of the fires'.
+                let weight = if own > 0.0 {
+                    pdf = self.lights.fires().pdf(guide, wi, own);
+                    own / pdf
+                } else {
+                    1.0 / (1.0 - guide.share)
+                };
+                beta *= weight;
+                drawn *= weight;
+            }
             let origin = vertex.origin(p, wi);
             if MIS {
                 last = Some(Last { p, vertex, pdf });
@@ -374,17 +438,16 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         weights_of_path(null_probability, last.pdf, pdf_light)
     }
 
-    /// Light of fires along a flight that ends at `t_end` (and would have ended at `t_surface` at last), weighted against shadow rays.
+    /// Light of fires along a flight that ends at `t_end` (and would have ended at `t_surface` at last).
     ///
-    /// Points of a fire lie at equal steps of a rate that bounds its strength. Where flights end with the medium's own density and without weights, the points up
+    /// Points of a fire lie at equal steps, `spacing`, of a rate that bounds its strength. Where flights end with the medium's own density and without weights, the points up
     /// to the end are counted as they are: a flight survives to each with the transmittance. Else one of all points is drawn, and the transmittance to it
-    /// estimated. Densities per volume over distance squared are weighted; null collisions are left out on both sides.
+    /// estimated.
     #[inline(never)]
     fn glow(
         &self,
         (ray, t_end, t_surface): (&Ray, f64, f64),
-        beta: Vec3,
-        last: Option<&Last<W::Vertex<'_>>>,
+        (beta, spacing): (Vec3, f32),
         inside: &Inside,
         sampler: &mut PathSampler,
         tally: &mut Tally,
@@ -393,18 +456,11 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         // One of all points by weighted reservoir sampling, for flights with weights.
         let (mut total, mut chosen) = (0.0f32, None);
         let analog = self.analog_flights && inside.is_empty();
-        for (number, fire) in self.world.fires().iter().enumerate() {
+        for fire in self.world.fires() {
             let to = if analog { t_end } else { t_surface };
-            let target = self.lights.fire(number);
-            let probability =
-                last.zip(target).map(|(last, index)| (last.pdf, self.probability(index, last)));
             let u = uniform(sampler);
-            fire.points(ray.origin, ray.direction, to, u, tally, |point| {
-                let weight = probability.map_or(1.0, |(pdf, probability)| {
-                    let sampled = Fire::pdf_of_direction(fire.pdf(point.p), point.t, point.rate);
-                    weight_of_path(pdf, pdf, sampled * probability)
-                });
-                let light = point.contribution * weight;
+            fire.sparse_points(ray.origin, ray.direction, to, (u, spacing), tally, |point| {
+                let light = point.contribution;
                 if analog {
                     radiance += light;
                     return;
@@ -447,7 +503,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         let Some(light) = self.lights.sample(choice.index, at.p, direction, sampler) else {
             return Vec3::ZERO;
         };
-        let (value, size, pdf) = at.vertex.eval(light.wi);
+        let (value, size, own) = at.vertex.eval(light.wi);
         // The choice could not know where in an image the sample would lie; now it is known.
         let aimed = if light.everywhere { size / ISOTROPIC } else { 1.0 };
         let importance = choice.importance * at.strongest * aimed;
@@ -470,6 +526,10 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         let mut arrives = shadow.transmittance * light.weight;
         if MIS && light.pdf > 0.0 {
             // Density of the same path under path sampling.
+            let pdf = match at.guide {
+                Some(guide) if W::WHOLE => self.lights.fires().pdf(guide, light.wi, own),
+                _ => own,
+            };
             let pdf_light = light.pdf * choice.probability;
             if M::PARTS {
                 // Each channel decides for itself.
@@ -477,11 +537,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
                 arrives *= Vec3::splat(pdf_light) / (Vec3::splat(pdf_light) + pdf_path);
             } else {
                 // Null decisions are weighted by the throughput of their channels.
-                let nulls = if W::WHOLE && light.along_the_way {
-                    1.0
-                } else {
-                    at.beta.dot(shadow.null_probability) / at.beta.element_sum()
-                };
+                let nulls = at.beta.dot(shadow.null_probability) / at.beta.element_sum();
                 weight *= pdf_light / (pdf_light + pdf * nulls);
             }
         }
@@ -593,6 +649,13 @@ enum Turn<'a> {
     Surface(Bsdf, pileus_scene::Interaction),
 }
 
+/// A path crosses a surface.
+fn pass_through(inside: &mut Inside, interaction: &Interaction) {
+    if !interaction.parameters.thin_walled {
+        inside.cross(interaction);
+    }
+}
+
 /// Balance heuristic of a path with density `pdf_path` against a shadow ray with `pdf_light`. Directions that were the only possible ones (`pdf` zero) no shadow
 /// ray stands for.
 #[inline(always)]
@@ -629,4 +692,6 @@ struct Shading<'a, V> {
     /// The bodies that the path came in.
     inside: &'a Inside,
     flight: Flight<'a>,
+    /// How paths that go on from here are drawn to fires.
+    guide: Option<&'a Guide>,
 }

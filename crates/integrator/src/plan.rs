@@ -189,6 +189,13 @@ impl Plan {
                 lights.count()
             ));
         }
+        if !lights.fires().is_empty() {
+            reasons.push(
+                "volumes that give off light draw paths to themselves: a share of the directions is drawn by what is seen of them, and light is \
+                 collected all along each flight"
+                    .into(),
+            );
+        }
         if scene.environment.constant.max_element() > 0.0 {
             reasons.push(
                 "constant light from the environment is met by escaping paths alone: scattered directions already sample it \

@@ -69,10 +69,10 @@ impl serde::Serialize for Distance {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum LightSampling {
-    /// Shadow rays and paths, weighted by the balance heuristic.
+    /// Shadow rays and paths, weighted by the balance heuristic; fires draw paths to themselves.
     #[default]
     Both,
-    /// Paths alone: for comparisons. Delta lights, which no path can meet, are still sent shadow rays.
+    /// Paths alone, drawn to nothing: for comparisons. Delta lights, which no path can meet, are still sent shadow rays.
     Paths,
 }
 

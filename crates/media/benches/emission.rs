@@ -1,10 +1,11 @@
-//! Nanoseconds per emission point and per emission sample. Run with `cargo bench -p pileus-media --bench emission`.
+//! Nanoseconds per emission point and per direction. Run with `cargo bench -p pileus-media --bench emission`.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 use pileus_media::random::uniform;
 use pileus_media::{
-    Albedo, BlackbodyRadiance, EmissionField, EmissionSource, Tally, VoxelGrid, VoxelGridOptions,
+    Albedo, BlackbodyRadiance, EmissionDirections, EmissionField, EmissionSource, Tally, VoxelGrid,
+    VoxelGridOptions,
 };
 use pileus_vdb::VdbFile;
 use rand_pcg::Pcg32;
@@ -76,23 +77,33 @@ fn benches(c: &mut Criterion) {
         group.bench_function("point", |b| b.iter(walk));
         let n = 4096;
         group.throughput(Throughput::Elements(n));
+        let directions = EmissionDirections::new(&field, |_| 1.0).expect("a fire");
+        let eye = bounds.1 + (bounds.1 - bounds.0) * DVec3::new(0.5, 1.0, -0.3);
+        group.bench_function("view", |b| {
+            b.iter(|| {
+                for _ in 0..n {
+                    black_box(directions.view(black_box(eye)));
+                }
+            });
+        });
+        let view = directions.view(eye);
         let u: Vec<[f32; 4]> = (0..n).map(|_| [(); 4].map(|()| uniform(&mut rng))).collect();
         group.bench_function("sample", |b| {
             b.iter(|| {
                 for u in &u {
-                    black_box(field.sample(*u));
+                    black_box(directions.sample(&view, *u));
                 }
             });
         });
-        let p: Vec<DVec3> = u.iter().filter_map(|u| Some(field.sample(*u)?.p)).collect();
+        let wi: Vec<Vec3> = u.iter().filter_map(|u| directions.sample(&view, *u)).collect();
         group.bench_function("pdf", |b| {
-            b.iter(|| p.iter().map(|p| field.pdf(*p)).sum::<f32>());
-        });
-        group.bench_function("rate", |b| {
-            b.iter(|| p.iter().map(|p| field.rate(*p)).sum::<f32>());
+            b.iter(|| wi.iter().map(|wi| directions.pdf(&view, *wi)).sum::<f32>());
         });
         group.sample_size(10);
         group.throughput(Throughput::Elements(1));
+        group.bench_function("directions", |b| {
+            b.iter(|| EmissionDirections::new(&field, |_| 1.0).expect("a fire"));
+        });
         group.bench_function("build", |b| {
             b.iter(|| EmissionField::new(source.clone(), to_world).expect("a field"));
         });

@@ -25,8 +25,8 @@ pub use channels::{Channels, Grey, Relative, Spectrum};
 pub use collisions::{Tentative, TentativeCollisions};
 pub use color::ColorGrid;
 pub use emission::{
-    BlackbodyRadiance, COLDEST_KELVIN, ColorRamp, EmissionField, EmissionPoint, EmissionReport,
-    EmissionSample, EmissionSource, HOTTEST_KELVIN, POINTS_PER_LINE, blackbody, rgb_of_xyz,
+    BlackbodyRadiance, COLDEST_KELVIN, ColorRamp, EmissionDirections, EmissionField, EmissionPoint,
+    EmissionReport, EmissionSource, EmissionView, HOTTEST_KELVIN, blackbody, rgb_of_xyz,
     xyz_of_spectrum,
 };
 pub use error::Error;

@@ -10,11 +10,12 @@ use pileus_media::{
 use pileus_scene::{Scene, Volume, VolumeSource};
 use pileus_tests::*;
 use pileus_vdb::Tree;
+use serde_json::json;
 use std::sync::Arc;
 
-/// Fire that lights a floor and smoke: shadow rays and paths together give what paths alone do.
+/// Fire that lights a floor and smoke: paths that are drawn to it give what paths alone do.
 #[test]
-fn fire_by_both_techniques_is_fire_by_paths() {
+fn fire_that_draws_paths_is_fire_by_paths() {
     let scene = blender("fire.glb", "fire_0003.vdb", [64, 64]);
     let by = |light_sampling, spp, seed| {
         rendered(&scene, &RenderSettings { light_sampling, ..settings(spp, seed) })
@@ -22,6 +23,35 @@ fn fire_by_both_techniques_is_fire_by_paths() {
     let both = by(LightSampling::Both, 64, 1);
     let paths = by(LightSampling::Paths, 512, 2);
     assert_same("fire", &both, &paths);
+}
+
+/// Two fires in smoke that scatters, grey and per channel, beside a lamp, a sun, constant light and rough glass: paths that are drawn to fires, weighted against shadow rays to the other
+/// lights, give what paths alone do.
+#[test]
+fn fires_draw_paths_beside_all_other_light() {
+    let mut rough = glass(1.4);
+    rough["pbrMetallicRoughness"]["roughnessFactor"] = json!(0.6);
+    rough["extensions"]["KHR_materials_volume"] = json!({"thicknessFactor": 1.0,
+        "attenuationDistance": 0.3, "attenuationColor": [0.6, 0.5, 0.2]});
+    for (k, sigma_t) in [[3.0f32; 3], [3.0, 0.7, 1.5]].into_iter().enumerate() {
+        let mut scene = scene(Vec::new(), DVec3::new(1.5, 1.2, 3.0), DVec3::ZERO, 34.0);
+        scene.volumes.push(glowing_cube(0.35, sigma_t, [0.6; 3], [2.0, 1.0, 0.5]));
+        let centre = DVec3::new(-0.8, 0.0, 0.4);
+        scene.volumes.push(ball(centre, 0.3, 2.0, 0.3, [0.5, 1.0, 2.0]));
+        scene.surfaces = Some(surfaces(&[
+            (quad([-2.0, -0.75, -2.0], [0.0, 0.0, 4.0], [4.0, 0.0, 0.0]), lambert([0.5; 3])),
+            (quad([-0.8, 1.2, -0.8], [0.8, 0.0, 0.0], [0.0, 0.0, 1.6]), lamp([0.3; 3], [1.0; 3])),
+            (sphere(DVec3::new(0.6, -0.3, 0.5), 0.35, 8), rough.clone()),
+        ]));
+        scene.lights.push(sun(Vec3::new(0.8, 0.5, -0.3), Vec3::splat(0.3), 0.4));
+        scene.environment.constant = Vec3::splat(0.05);
+        let by = |light_sampling, spp, seed| {
+            rendered(&scene, &RenderSettings { light_sampling, ..settings(spp, seed) })
+        };
+        let both = by(LightSampling::Both, 96, 50 + k as u64);
+        let paths = by(LightSampling::Paths, 256, 60 + k as u64);
+        assert_same(&format!("fires beside other light, {sigma_t:?}"), &both, &paths);
+    }
 }
 
 /// A ball of 32^3 voxels around `centre` of radius `radius`, with extinction `sigma_t` and emission `color` per length.
@@ -54,8 +84,8 @@ fn ball(centre: DVec3, radius: f64, sigma_t: f32, albedo: f32, color: [f32; 3]) 
     }
 }
 
-/// A glowing ball over a diffuse floor. Light falls off as from its centre, as gravity does: irradiance is `j V cos / r^2` for emission `j` of volume `V`. By shadow rays
-/// and paths together, and by paths alone.
+/// A glowing ball over a diffuse floor. Light falls off as from its centre, as gravity does: irradiance is `j V cos / r^2` for emission `j` of volume `V`. By paths
+/// that are drawn to it, and by paths alone.
 #[test]
 fn a_glowing_ball_lights_a_floor_by_newtons_law() {
     let centre = DVec3::new(0.2, 0.8, -0.1);

@@ -1,6 +1,9 @@
 //! Lights that next-event estimation can aim at, and the choice among them.
 
+mod fire;
 mod tree;
+
+pub(crate) use fire::{Fires, Guide};
 
 use crate::settings::LightSampling;
 use crate::world::luminance;
@@ -8,7 +11,6 @@ use glam::{DVec3, Vec3};
 use pileus_media::elementary::sin_cos_turn;
 use pileus_media::phase::ISOTROPIC;
 use pileus_media::random::uniform;
-use pileus_media::{EmissionField, POINTS_PER_LINE};
 use pileus_scene::{EnvironmentImage, Light, Scene, Surfaces};
 use rand_core::Rng;
 use std::sync::Arc;
@@ -29,8 +31,6 @@ pub(crate) enum Target {
     Image { image: Arc<EnvironmentImage>, strength: f32 },
     /// All emissive triangles.
     Lamps(Lamps),
-    /// A volume that gives off light.
-    Fire(Fire),
 }
 
 /// Most point and spot lights that are chosen among one by one, with their phase function's value; more are put under a tree, which knows their distance alone.
@@ -85,7 +85,6 @@ impl PointLight {
             weight,
             pdf: 0.0,
             everywhere: false,
-            along_the_way: false,
         })
     }
 }
@@ -138,7 +137,6 @@ impl Lamps {
             weight: radiance / pdf,
             pdf,
             everywhere: false,
-            along_the_way: false,
         })
     }
 }
@@ -146,60 +144,6 @@ impl Lamps {
 /// Density per solid angle of uniform points on an area seen at a distance under a cosine; infinite edge-on.
 fn pdf_of_area(area: f64, distance: f64, cos: f32) -> f32 {
     (distance * distance / (area * f64::from(cos.abs()))) as f32
-}
-
-/// A volume that gives off light, as a light.
-#[derive(Debug, Clone)]
-pub(crate) struct Fire {
-    field: Arc<EmissionField>,
-    /// Number among the scene's fires.
-    number: usize,
-    centre: DVec3,
-    /// Square of half its size: within it, it is no nearer.
-    size2: f64,
-    strength: f32,
-}
-
-impl Fire {
-    fn new(number: usize, field: &Arc<EmissionField>) -> Option<Fire> {
-        let (low, high) = field.bounds_world()?;
-        let strength = field.power() as f32;
-        (strength > 0.0).then(|| Fire {
-            field: Arc::clone(field),
-            number,
-            centre: 0.5 * (low + high),
-            size2: (0.5 * (high - low)).length_squared() / 3.0,
-            strength,
-        })
-    }
-
-    /// The density per solid angle that has the same ratio to that of paths as `pdf`, per volume, of a point at a distance has. Paths score in a volume at the
-    /// field's rate, but the points on one path are as good as one: weights take the rate over the number of points on a typical line.
-    pub(crate) fn pdf_of_direction(pdf: f32, distance: f64, rate: f32) -> f32 {
-        (f64::from(pdf) * distance * distance * POINTS_PER_LINE / f64::from(rate)) as f32
-    }
-
-    /// A point of the volume, drawn by what it emits.
-    fn sample<R: Rng + ?Sized>(&self, p: DVec3, u: [f32; 2], rng: &mut R) -> Option<LightSample> {
-        let point = self.field.sample([u[0], u[1], uniform(rng), uniform(rng)])?;
-        let to = point.p - p;
-        let distance = to.length();
-        let rate = self.field.rate(point.p);
-        let per_direction = f64::from(point.pdf) * distance * distance;
-        if !(per_direction > 0.0 && per_direction.is_finite() && rate > 0.0) {
-            return None;
-        }
-        Some(LightSample {
-            wi: (to / distance).as_vec3(),
-            distance,
-            end: None,
-            position: None,
-            weight: (point.emission.as_dvec3() / per_direction).as_vec3(),
-            pdf: Fire::pdf_of_direction(point.pdf, distance, rate),
-            everywhere: false,
-            along_the_way: true,
-        })
-    }
 }
 
 impl Target {
@@ -265,8 +209,6 @@ pub(crate) struct LightSample {
     pub(crate) pdf: f32,
     /// Whether the direction may lie anywhere, so that the choice of the light did not know the phase function's value.
     pub(crate) everywhere: bool,
-    /// Whether a path meets it on its way, not at its end: weights leave out null collisions then.
-    pub(crate) along_the_way: bool,
 }
 
 /// All lights of a scene that shadow rays are sent to.
@@ -277,6 +219,8 @@ pub(crate) struct Lights {
     points: Vec<PointLight>,
     /// Discs and images that no shadow ray is sent to.
     paths_only: Vec<Target>,
+    /// Volumes that paths are drawn to.
+    fires: Fires,
 }
 
 /// A choice among the lights from one vertex.
@@ -325,13 +269,14 @@ impl Lights {
                 targets.push(Target::Lamps(lamps));
             }
         }
-        let fires = scene.fires().enumerate().filter_map(|(i, field)| Fire::new(i, field));
-        targets.extend(fires.map(Target::Fire));
         let mut paths_only = Vec::new();
+        let mut fires = Fires::default();
         if sampling == LightSampling::Paths {
             (paths_only, targets) = targets.into_iter().partition(Target::met_by_paths);
+        } else {
+            fires = Fires::new(scene);
         }
-        Lights { targets, points, paths_only }
+        Lights { targets, points, paths_only, fires }
     }
 
     pub(crate) fn is_empty(&self) -> bool {
@@ -393,11 +338,6 @@ impl Lights {
                 let received = lamps.tree.estimate(p) * ISOTROPIC;
                 (received, received)
             }
-            Target::Fire(fire) => {
-                let distance2 = (fire.centre - p).length_squared().max(fire.size2).max(1e-30);
-                let received = (f64::from(fire.strength) / distance2) as f32 * ISOTROPIC;
-                (received, received)
-            }
         }
     }
 
@@ -452,7 +392,6 @@ impl Lights {
                 weight: *irradiance,
                 pdf: 0.0,
                 everywhere: false,
-                along_the_way: false,
             }),
             Target::Disc(disc) => Some(LightSample {
                 wi: disc.sample(u),
@@ -462,7 +401,6 @@ impl Lights {
                 weight: disc.radiance / disc.pdf,
                 pdf: disc.pdf,
                 everywhere: false,
-                along_the_way: false,
             }),
             Target::Position(number) => self.points[*number].sample(p),
             Target::Positions(tree) => {
@@ -483,11 +421,9 @@ impl Lights {
                     weight: sample.radiance / sample.pdf,
                     pdf: sample.pdf,
                     everywhere: true,
-                    along_the_way: false,
                 })
             }
             Target::Lamps(lamps) => lamps.sample(p, u, uniform(rng)),
-            Target::Fire(fire) => fire.sample(p, u, rng),
         }
     }
 
@@ -510,11 +446,19 @@ impl Lights {
         })
     }
 
-    /// Index of fire number `number` of the scene; `None` if no shadow ray is sent to it.
-    pub(crate) fn fire(&self, number: usize) -> Option<usize> {
-        self.targets
-            .iter()
-            .position(|target| matches!(target, Target::Fire(fire) if fire.number == number))
+    /// The fires that paths are drawn to: none if paths are to find all light by themselves.
+    pub(crate) fn fires(&self) -> &Fires {
+        &self.fires
+    }
+
+    /// How a vertex at `p` is drawn to fires beside the other lights and a constant environment of luminance `constant`; `None` if it is not.
+    #[inline]
+    pub(crate) fn guide(&self, p: DVec3, in_medium: bool, constant: f32) -> Option<Guide> {
+        if self.fires.is_empty() {
+            return None;
+        }
+        let others = self.targets.iter().map(|target| self.estimate(target, p, |_| ISOTROPIC).1);
+        self.fires.guide(p, in_medium, others.sum::<f32>() + constant)
     }
 
     /// Calls `visit` for every light at infinity that an escaping ray meets: its radiance, and if shadow rays are sent to it, its

@@ -1,7 +1,7 @@
 //! Emission placed in the world.
 
 use super::cells::{Cells, EmissionReport};
-use super::regions::Regions;
+use super::lattice::Lattice;
 use super::source::EmissionSource;
 use crate::Error;
 use crate::field::RayField;
@@ -13,7 +13,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 /// Points on a line through the emission, on average over lines that meet it.
-pub const POINTS_PER_LINE: f64 = 8.0;
+const POINTS_PER_LINE: f64 = 8.0;
 
 /// A field of emission in the world: radiance per scene unit, whatever the extinction. Immutable; cheap to copy, since everything large is shared.
 ///
@@ -24,11 +24,9 @@ pub struct EmissionField {
     source: Arc<EmissionSource>,
     /// The bounds as if they were extinction: the rate of points, 1/length.
     bounds: GridMedium,
-    regions: Arc<Regions>,
+    lattice: Arc<Lattice>,
     index_to_world: DAffine3,
     world_to_index: DAffine3,
-    /// Volume of a cell in the world.
-    cell_volume: f64,
     /// Rate over emission.
     rate_factor: f32,
     power: f64,
@@ -46,17 +44,6 @@ pub struct EmissionPoint {
     pub contribution: Vec3,
     /// Points per length here, positive.
     pub rate: f32,
-}
-
-/// A point of the volume drawn by the light that it gives off.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct EmissionSample {
-    /// Where, in the world.
-    pub p: DVec3,
-    /// Radiance per length there; may be black at the edge of the field.
-    pub emission: Vec3,
-    /// Density per volume, positive.
-    pub pdf: f32,
 }
 
 impl EmissionField {
@@ -95,7 +82,7 @@ impl EmissionField {
             Albedo::Constant([0.0; 3]),
             Phase::Isotropic,
         )?;
-        let regions = Regions::new(&cells);
+        let lattice = Lattice::new(&cells);
         let of_grid = grid.report();
         let report = EmissionReport {
             seconds: start.elapsed().as_secs_f64(),
@@ -104,15 +91,14 @@ impl EmissionField {
             bytes: of_grid.bytes_voxels
                 + of_grid.bytes_bounds
                 + of_grid.bytes_index
-                + regions.bytes(),
+                + lattice.bytes(),
         };
         Ok(EmissionField {
             source: Arc::new(source),
             bounds,
-            regions: Arc::new(regions),
+            lattice: Arc::new(lattice),
             index_to_world,
             world_to_index,
-            cell_volume: volume,
             rate_factor,
             power: cells.power() * volume,
             report,
@@ -136,16 +122,30 @@ impl EmissionField {
         t_max: f64,
         u: f32,
         tally: &mut Tally,
+        visit: impl FnMut(EmissionPoint),
+    ) {
+        self.sparse_points(origin, direction, t_max, (u, 1.0), tally, visit);
+    }
+
+    /// As [`points`](EmissionField::points), `spacing` (positive) times as far apart.
+    pub fn sparse_points(
+        &self,
+        origin: DVec3,
+        direction: Vec3,
+        t_max: f64,
+        (u, spacing): (f32, f32),
+        tally: &mut Tally,
         mut visit: impl FnMut(EmissionPoint),
     ) {
-        if self.regions.is_empty() {
+        if self.lattice.is_empty() {
             return;
         }
         let Some(span) = self.bounds.span(origin, direction, t_max) else { return };
         let direction = direction.as_dvec3();
         let local_to_index = self.bounds.grid().local_to_index() + 0.5;
         let mut ray = self.bounds.point_ray(&span);
-        let mut next = f64::from(u);
+        let spacing = f64::from(spacing);
+        let mut next = f64::from(u) * spacing;
         let mut passed = 0.0f64;
         while let Some(segment) = ray.next_segment() {
             let (t0, t1) = (f64::from(segment.t0), f64::from(segment.t1));
@@ -153,7 +153,7 @@ impl EmissionField {
             let end = passed + rate * (t1 - t0);
             while next < end {
                 let t = t0 + (next - passed) / rate;
-                next += 1.0;
+                next += spacing;
                 // Inside the cell whatever rounding says, so that its bound holds.
                 let p_index = ray.local_in_cell(t as f32).as_dvec3() + local_to_index;
                 let emission = self.source.at(p_index);
@@ -164,8 +164,8 @@ impl EmissionField {
                 visit(EmissionPoint {
                     t,
                     p: origin + direction * t,
-                    contribution: emission / segment.majorant,
-                    rate: segment.majorant,
+                    contribution: emission * spacing as f32 / segment.majorant,
+                    rate: segment.majorant / spacing as f32,
                 });
             }
             passed = end;
@@ -178,20 +178,12 @@ impl EmissionField {
         self.bounds.point_rate(p_world)
     }
 
-    /// A point drawn in proportion to the luminance that its cell gives off, uniform within the cell; `None` if nothing emits.
-    pub fn sample(&self, u: [f32; 4]) -> Option<EmissionSample> {
-        let drawn = self.regions.sample(u)?;
-        Some(EmissionSample {
-            p: self.index_to_world.transform_point3(drawn.p_index),
-            emission: self.source.at(drawn.p_index),
-            pdf: (drawn.pdf / self.cell_volume) as f32,
-        })
+    pub(super) fn lattice(&self) -> &Lattice {
+        &self.lattice
     }
 
-    /// Density per volume of [`sample`](EmissionField::sample) at a point in the world.
-    pub fn pdf(&self, p_world: DVec3) -> f32 {
-        let p_index = self.world_to_index.transform_point3(p_world);
-        (self.regions.pdf(p_index) / self.cell_volume) as f32
+    pub(super) fn index_to_world(&self) -> DAffine3 {
+        self.index_to_world
     }
 
     /// Luminance of the emission integrated over the world; times `4 pi` the total power. By two Gauss points per axis and voxel: exact for grids and products of grids; measured
@@ -202,7 +194,7 @@ impl EmissionField {
 
     /// The box in the world that holds all emission; `None` if nothing emits.
     pub fn bounds_world(&self) -> Option<(DVec3, DVec3)> {
-        if self.regions.is_empty() { None } else { self.bounds.bounds_world() }
+        if self.lattice.is_empty() { None } else { self.bounds.bounds_world() }
     }
 
     /// Where the emission comes from.
@@ -219,6 +211,7 @@ impl EmissionField {
 #[cfg(test)]
 mod tests {
     use super::super::blackbody::BlackbodyRadiance;
+    use super::super::directions::EmissionDirections;
     use super::super::ramp::ColorRamp;
     use super::*;
     use crate::color::ColorGrid;
@@ -307,13 +300,17 @@ mod tests {
             let to = if aligned { DAffine3::IDENTITY } else { turned(angle, 1.0 / scale) };
             let field = EmissionField::new(source(kind, seed, to), turned(angle, scale)).unwrap();
             let mut rng = Pcg32::new(seed, 2);
-            if let Some((low, high)) = field.bounds_world() {
+            let directions = EmissionDirections::new(&field, |_| 1.0);
+            if let (Some((low, high)), Some(directions)) = (field.bounds_world(), directions) {
+                let eye = high + (high - low) * DVec3::new(0.3, 2.0, -0.4);
+                let view = directions.view(eye);
                 for _ in 0..2000 {
                     let u = DVec3::from_array([(); 3].map(|()| f64::from(uniform(&mut rng))));
                     let p = low + (high - low) * u;
                     let most = field.emission(p).max_element();
                     prop_assert!(most * field.rate_factor <= field.rate(p) * (1.0 + 1e-5));
-                    prop_assert!((most > 0.0) <= (field.pdf(p) > 0.0));
+                    let to = (p - eye).normalize().as_vec3();
+                    prop_assert!((most > 0.0) <= (directions.pdf(&view, to) > 0.0));
                 }
                 let mut tally = Tally::default();
                 for _ in 0..50 {
@@ -345,12 +342,12 @@ mod tests {
         assert!(report.bytes < 1 << 27, "{report:?}");
         let exact = 2.0 * 2048f64.powi(3);
         assert!((field.power() / exact - 1.0).abs() < 1e-3, "{} {exact}", field.power());
-        let inside = field.pdf(DVec3::new(1000.0, 3000.0, 1000.0));
-        assert!((f64::from(inside) * 2048f64.powi(3) - 1.0).abs() < 1e-2);
+        let directions = EmissionDirections::new(&field, |_| 0.0).unwrap();
+        let view = directions.view(DVec3::new(-9000.0, 3000.0, 1000.0));
         let mut rng = Pcg32::new(3, 3);
         for _ in 0..1000 {
-            let sample = field.sample([(); 4].map(|()| uniform(&mut rng))).unwrap();
-            assert!((field.pdf(sample.p) / sample.pdf - 1.0).abs() < 1e-6);
+            let wi = directions.sample(&view, [(); 4].map(|()| uniform(&mut rng))).unwrap();
+            assert!(wi.x > 0.9 && directions.pdf(&view, wi) > 0.0);
         }
     }
 
@@ -371,19 +368,19 @@ mod tests {
         let report = field.report();
         assert!(report.bricks == 0 && report.tiles < 1000, "{report:?}");
         let mut rng = Pcg32::new(4, 4);
-        let (mut found, mut sum) = (0, 0.0);
+        let directions = EmissionDirections::new(&field, |_| 0.0).unwrap();
+        let view = directions.view(DVec3::splat(-600.0));
+        let mut found = 0;
         for _ in 0..20_000 {
             let p = 512.0 * DVec3::from_array([(); 3].map(|()| f64::from(uniform(&mut rng))));
             let emission = field.emission(p);
             let most = emission.max_element();
             assert!(most * field.rate_factor <= field.rate(p) * (1.0 + 1e-5));
-            assert!(most == 0.0 || field.pdf(p) > 0.0);
+            let to = (p + 600.0).normalize().as_vec3();
+            assert!(most == 0.0 || directions.pdf(&view, to) > 0.0);
             found += usize::from(most > 0.0);
-            sum += f64::from(field.pdf(p)) * 512f64.powi(3) / 20_000.0;
         }
         assert!(found > 10_000, "{found}");
-        // The density reaches a voxel beyond its tiles, in whose cubes samples may lie too.
-        assert!((0.5..1.05).contains(&sum), "{sum}");
     }
 
     #[test]
@@ -396,11 +393,9 @@ mod tests {
         .unwrap();
         let white = thermal(&tree, &tree, DAffine3::IDENTITY, Albedo::Constant([1.0; 3]));
         for field in [none, EmissionField::new(white, DAffine3::IDENTITY).unwrap()] {
-            assert!(field.sample([0.5; 4]).is_none() && field.bounds_world().is_none());
-            assert_eq!(
-                (field.power(), field.pdf(DVec3::ONE), field.rate(DVec3::ONE)),
-                (0.0, 0.0, 0.0)
-            );
+            assert!(EmissionDirections::new(&field, |_| 1.0).is_none());
+            assert!(field.bounds_world().is_none());
+            assert_eq!((field.power(), field.rate(DVec3::ONE)), (0.0, 0.0));
             let mut tally = Tally::default();
             field.points(DVec3::splat(-9.0), Vec3::ONE.normalize(), 1e9, 0.0, &mut tally, |_| {
                 panic!("a point in the dark")

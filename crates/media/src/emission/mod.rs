@@ -1,16 +1,18 @@
-//! Light from volumes: what a field of emission gives off, points along rays for its line integral, and points in its volume for its light.
+//! Light from volumes: what a field of emission gives off, points along rays for its line integral, and directions towards it for its light.
 
 mod blackbody;
 mod cells;
+mod directions;
 mod field;
+mod lattice;
 mod observer;
 mod ramp;
-mod regions;
 mod source;
 
 pub use blackbody::{BlackbodyRadiance, COLDEST_KELVIN, HOTTEST_KELVIN, blackbody};
 pub use cells::EmissionReport;
-pub use field::{EmissionField, EmissionPoint, EmissionSample, POINTS_PER_LINE};
+pub use directions::{EmissionDirections, EmissionView};
+pub use field::{EmissionField, EmissionPoint};
 pub use observer::{rgb_of_xyz, xyz_of_spectrum};
 pub use ramp::ColorRamp;
 pub use source::EmissionSource;

@@ -1,0 +1,132 @@
+//! Volumes that give off light, as what paths are drawn to.
+//!
+//! No shadow rays are sent to fires: a share of the directions in which paths go on is drawn by what the vertex sees of them, and the flight collects whatever lies on its way, light that smoke
+//! scatters included. The density of the mixture is known, so that nothing else needs weights.
+
+use glam::{DVec3, Vec3};
+use pileus_media::phase::ISOTROPIC;
+use pileus_media::{EmissionDirections, EmissionView};
+use pileus_scene::{Scene, Volume};
+use smallvec::SmallVec;
+use std::sync::Arc;
+
+/// Share of directions drawn by fires, where they are all the light there is.
+const SHARE_AT_SURFACES: f32 = 0.75;
+const SHARE_IN_MEDIA: f32 = 0.5;
+
+/// Part of that which is kept whatever other light there is: it may not arrive.
+const LEAST_PART: f32 = 1.0 / 3.0;
+
+/// All fires of a scene.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Fires {
+    fires: Vec<Fire>,
+}
+
+#[derive(Debug, Clone)]
+struct Fire {
+    directions: Arc<EmissionDirections>,
+    centre: DVec3,
+    /// Square of half its size: within it, it is no nearer.
+    size2: f64,
+    power: f64,
+}
+
+/// How a vertex is drawn to fires.
+#[derive(Debug, Clone)]
+pub(crate) struct Guide {
+    /// Probability of drawing a direction by the fires.
+    pub(crate) share: f32,
+    /// Of each fire: the probability of its choice, and how it is seen.
+    views: SmallVec<[(f32, EmissionView); 1]>,
+}
+
+impl Fire {
+    /// A fire seen through all volumes of a scene; `None` if nothing emits.
+    fn new(scene: &Scene, field: &pileus_media::EmissionField) -> Option<Fire> {
+        let (low, high) = field.bounds_world()?;
+        // Somewhat more than the fire, as the tables are.
+        let more = high - low;
+        let near = |volume: &&Volume| {
+            volume.medium.bounds_world().is_none_or(|(from, to)| {
+                from.cmple(high + more).all() && to.cmpge(low - more).all()
+            })
+        };
+        let media: Vec<_> = scene.volumes.iter().filter(near).map(|v| &v.medium).collect();
+        let mean: Vec<f64> = media
+            .iter()
+            .map(|medium| f64::from(medium.relative_extinction().element_sum()) / 3.0)
+            .collect();
+        let sigma_t = |p: DVec3| {
+            media.iter().zip(&mean).map(|(medium, mean)| mean * medium.sigma_t_at(p)).sum()
+        };
+        Some(Fire {
+            directions: Arc::new(EmissionDirections::new(field, sigma_t)?),
+            centre: 0.5 * (low + high),
+            size2: (0.5 * (high - low)).length_squared() / 3.0,
+            power: field.power(),
+        })
+    }
+
+    /// Power over the square of the distance, unshadowed.
+    fn received(&self, p: DVec3) -> f32 {
+        let distance2 = (self.centre - p).length_squared().max(self.size2).max(1e-30);
+        (self.power / distance2) as f32
+    }
+}
+
+impl Fires {
+    pub(crate) fn new(scene: &Scene) -> Fires {
+        Fires { fires: scene.fires().filter_map(|field| Fire::new(scene, field)).collect() }
+    }
+
+    pub(crate) fn is_empty(&self) -> bool {
+        self.fires.is_empty()
+    }
+
+    /// How a vertex at `p`, in a medium or at a surface, is drawn to the fires beside other light of which it would scatter `others` if it did so in all directions alike. A function of
+    /// these alone; `None` if no fire is seen.
+    pub(crate) fn guide(&self, p: DVec3, in_medium: bool, others: f32) -> Option<Guide> {
+        let mut views: SmallVec<[(f32, EmissionView); 1]> = self
+            .fires
+            .iter()
+            .map(|fire| {
+                let view = fire.directions.view(p);
+                (if view.sees() { fire.received(p) } else { 0.0 }, view)
+            })
+            .collect();
+        let total: f32 = views.iter().map(|(received, _)| received).sum();
+        if !(total > 0.0 && total.is_finite()) {
+            return None;
+        }
+        for (received, _) in &mut views {
+            *received /= total;
+        }
+        let part = total * ISOTROPIC / (total * ISOTROPIC + others.max(0.0));
+        let most = if in_medium { SHARE_IN_MEDIA } else { SHARE_AT_SURFACES };
+        Some(Guide { share: most * (LEAST_PART + (1.0 - LEAST_PART) * part), views })
+    }
+
+    /// A direction towards a fire; `None`, rarely, where rounding leaves none: the path ends then.
+    pub(crate) fn sample(&self, guide: &Guide, mut u: [f32; 4]) -> Option<Vec3> {
+        for (fire, (probability, view)) in self.fires.iter().zip(&guide.views) {
+            if u[0] < *probability {
+                u[0] = (u[0] / probability).min(1.0 - f32::EPSILON);
+                return fire.directions.sample(view, u);
+            }
+            u[0] -= probability;
+        }
+        None
+    }
+
+    /// Density of a direction in which a path goes on, 1/sr, if scattering alone draws it with density `own`.
+    pub(crate) fn pdf(&self, guide: &Guide, wi: Vec3, own: f32) -> f32 {
+        let mut pdf = 0.0;
+        for (fire, (probability, view)) in self.fires.iter().zip(&guide.views) {
+            if *probability > 0.0 {
+                pdf += probability * fire.directions.pdf(view, wi);
+            }
+        }
+        guide.share * pdf + (1.0 - guide.share) * own
+    }
+}
