@@ -12,7 +12,7 @@
 use crate::counters::Counters;
 use crate::interior::{self, Inside};
 use crate::lights::{Fire, Lights};
-use crate::media::{Flown, Media, Ray};
+use crate::media::{Flown, Media, Ray, Start};
 use crate::sampler::PathSampler;
 use crate::world::{InMedium, Vertex, World, luminance};
 use glam::{DVec3, Vec3};
@@ -89,6 +89,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
             Some(pileus_media::random::exponential_from((first * 4_294_967_296.0) as u32));
         let mut last: Option<Last<W::Vertex>> = None;
         let mut inside = Inside::new();
+        let mut start: Start = None;
         loop {
             let hit = self.world.intersect(&ray, sampler);
             let t_surface = hit.as_ref().map_or(f64::INFINITY, |hit| hit.t);
@@ -106,9 +107,12 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
             }
             let before = beta;
             let mut flown = Flown { beta, null_probability: 1.0 };
+            let from = (&ray, start);
             let collision =
-                self.media.flight(&ray, t_surface, first.take(), &mut flown, sampler, &mut tally);
+                self.media.flight(from, t_surface, first.take(), &mut flown, sampler, &mut tally);
             beta = flown.beta;
+            let mut scattered_by =
+                if M::LAWS { collision.as_ref().map(|collision| collision.medium) } else { None };
             let mut event = match (&collision, hit) {
                 (Some(collision), _) => {
                     let (phase, albedo) = self.media.properties(collision, ray.at(collision.t));
@@ -123,13 +127,14 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
                     if let Some(t) = interior::fly(body, t_end, &mut beta, sampler) {
                         let phase = Phase::henyey_greenstein(body.g);
                         event = Event::Collision { t, phase, albedo: Vec3::ONE };
+                        scattered_by = None;
                     }
                 }
                 let t_end = match &event {
                     Event::Collision { t, .. } => *t,
                     _ => t_surface,
                 };
-                let flight = (&ray, t_end, t_surface);
+                let flight = (from, t_end, t_surface);
                 radiance += self.glow(flight, before, last.as_ref(), &inside, sampler, &mut tally);
             }
             let (p, vertex, turn) = match event {
@@ -194,8 +199,15 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
             };
             if scatters && !self.lights.is_empty() {
                 let flight = Flight { ray: &ray, part, in_medium };
-                let shading =
-                    Shading { p, vertex: &vertex, beta, strongest, inside: &inside, flight };
+                let shading = Shading {
+                    p,
+                    vertex: &vertex,
+                    beta,
+                    strongest,
+                    inside: &inside,
+                    start: scattered_by,
+                    flight,
+                };
                 radiance += self.next_event::<MIS, EQUIANGULAR>(
                     &shading,
                     [u_light, u_shadow],
@@ -235,6 +247,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
                 last = Some(Last { p, vertex, pdf });
             }
             ray = Ray { origin, direction: wi };
+            start = scattered_by;
         }
         counters.paths += 1;
         counters.bounces += u64::from(bounces);
@@ -307,13 +320,14 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
     #[inline(never)]
     fn glow(
         &self,
-        (ray, t_end, t_surface): (&Ray, f64, f64),
+        (from, t_end, t_surface): ((&Ray, Start), f64, f64),
         beta: Vec3,
         last: Option<&Last<W::Vertex>>,
         inside: &Inside,
         sampler: &mut PathSampler,
         tally: &mut Tally,
     ) -> Vec3 {
+        let (ray, _) = from;
         let mut radiance = Vec3::ZERO;
         // One of all points by weighted reservoir sampling, for flights with weights.
         let (mut total, mut chosen) = (0.0f32, None);
@@ -344,7 +358,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
             });
         }
         if let Some((t, light)) = chosen {
-            let shadow = self.media.transmittance(ray, t, SHADOW_ROULETTE, sampler, tally);
+            let shadow = self.media.transmittance(from, t, SHADOW_ROULETTE, sampler, tally);
             let body = inside.last().map_or(Vec3::ONE, |body| interior::transmittance(body, t));
             radiance += light * total * shadow.transmittance * body;
         }
@@ -389,7 +403,8 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
             return Vec3::ZERO;
         }
         let threshold = (SHADOW_ROULETTE / (importance / survive)).min(0.5);
-        let shadow = self.media.transmittance(&ray, light.distance, threshold, sampler, tally);
+        let from = (&ray, at.start);
+        let shadow = self.media.transmittance(from, light.distance, threshold, sampler, tally);
         let mut weight = 1.0 / (choice.probability * survive);
         if MIS && light.pdf > 0.0 {
             // Density of the same path under path sampling: its null decisions are weighted by the throughput of their channels.
@@ -487,12 +502,14 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         if self.world.occluded(&to_light, sample.distance, None, sampler) {
             return Vec3::ZERO;
         }
-        let there = self.media.transmittance(ray, t, SHADOW_ROULETTE, sampler, tally);
+        // The plan keeps laws that are not exponential away from these points: where rays start does not matter.
+        let there = self.media.transmittance((ray, None), t, SHADOW_ROULETTE, sampler, tally);
         if there.transmittance == Vec3::ZERO {
             return Vec3::ZERO;
         }
+        let to_light = (&to_light, None);
         let on =
-            self.media.transmittance(&to_light, sample.distance, SHADOW_ROULETTE, sampler, tally);
+            self.media.transmittance(to_light, sample.distance, SHADOW_ROULETTE, sampler, tally);
         unshadowed * there.transmittance * on.transmittance
     }
 }
@@ -529,5 +546,7 @@ struct Shading<'a, V> {
     strongest: f32,
     /// The bodies that the path came in.
     inside: &'a Inside,
+    /// The medium that scattered, where that matters.
+    start: Start,
     flight: Flight<'a>,
 }

@@ -6,7 +6,7 @@
 use crate::Error;
 use crate::counters::Counters;
 use crate::lights::Lights;
-use crate::media::{Collision, Flown, Media, MediaIndex, Overlapping, Ray, Shadow};
+use crate::media::{Collision, Flown, Media, MediaIndex, Overlapping, Ray, Shadow, Start};
 use crate::path::Kernel;
 use crate::plan::{Plan, PlannedMedia};
 use crate::sampler::PathSampler;
@@ -60,28 +60,28 @@ impl Recorder<'_> {
 impl Media for Recorder<'_> {
     fn flight<R: Rng>(
         &self,
-        ray: &Ray,
+        (ray, start): (&Ray, Start),
         t_max: f64,
         first: Option<f32>,
         flown: &mut Flown,
         rng: &mut R,
         tally: &mut Tally,
     ) -> Option<Collision> {
-        let collision = self.media.flight(ray, t_max, first, flown, rng, tally);
+        let collision = self.media.flight((ray, start), t_max, first, flown, rng, tally);
         self.record(ray, collision.map_or(t_max, |c| c.t), 0.0);
         collision
     }
 
     fn transmittance<R: Rng>(
         &self,
-        ray: &Ray,
+        (ray, start): (&Ray, Start),
         t_max: f64,
         threshold: f32,
         rng: &mut R,
         tally: &mut Tally,
     ) -> Shadow {
         self.record(ray, t_max, threshold);
-        self.media.transmittance(ray, t_max, threshold, rng, tally)
+        self.media.transmittance((ray, start), t_max, threshold, rng, tally)
     }
 
     fn scattering(&self, p_world: DVec3, visit: impl FnMut(Vec3, &Phase)) {

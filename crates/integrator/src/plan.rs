@@ -8,6 +8,7 @@ use crate::pilot::Pilot;
 use crate::settings::{Distance, RenderSettings, Transmittance};
 use crate::thickness::typical_depth;
 use pileus_media::distance::DistanceSampler;
+use pileus_media::law::Law;
 use pileus_media::transmittance::Estimator;
 use pileus_media::{Albedo, MajorantStructure, Medium, Phase};
 use pileus_scene::{Light, Scene, Surfaces};
@@ -27,6 +28,8 @@ pub(crate) enum KernelKind {
     Overlapping,
     /// The same with surfaces and light from volumes.
     Whole,
+    /// The same for media that follow laws which are not exponential.
+    UnderLaw,
 }
 
 /// A volume as planned.
@@ -44,6 +47,8 @@ pub struct PlannedVolume {
     pub voxels: Option<&'static str>,
     /// Bytes of voxels, bounds and tables.
     pub bytes: u64,
+    /// Transmittance law; none is the exponential one.
+    pub law: Option<String>,
     /// Phase function.
     pub phase: String,
     /// Albedo.
@@ -124,7 +129,9 @@ impl Plan {
         let grey = volumes.iter().all(|v| v.grey);
         let surfaces = scene.surfaces.as_deref();
         let fires = scene.fires().count();
+        let laws = scene.volumes.iter().any(|volume| volume.medium.law().is_some());
         let kernel = match volumes.len() {
+            _ if laws => KernelKind::UnderLaw,
             _ if surfaces.is_some() || fires > 0 => KernelKind::Whole,
             0 => KernelKind::Empty,
             1 if grids == 1 && grey => KernelKind::SingleGrey,
@@ -146,6 +153,9 @@ impl Plan {
                     volumes.len()
                 )
             }
+            KernelKind::UnderLaw => "a volume follows a transmittance law that is not exponential: flights and shadow rays know whether they start at one of its \
+                 particles, and are one piece from there to their end"
+                .to_owned(),
             KernelKind::Overlapping if grey => {
                 format!("{} media: collisions are taken in order along the ray", volumes.len())
             }
@@ -156,7 +166,8 @@ impl Plan {
         });
         let lights = Lights::new(scene, settings.light_sampling);
         let suns = scene.lights.iter().filter(|l| matches!(l, Light::Sun(_))).count();
-        let mis = lights.need_mis() || kernel == KernelKind::Whole;
+        let mis =
+            lights.need_mis() || matches!(kernel, KernelKind::Whole | KernelKind::UnderLaw);
         if lights.need_mis() {
             reasons.push(
                 "a light can be met by shadow rays and by paths: both are weighted by the densities of the null-scattering path"
@@ -178,8 +189,14 @@ impl Plan {
             );
         }
         let methods = choose(scene, settings, grey, &mut reasons)?;
-        let equiangular = choose_equiangular(scene, settings, &lights, &mut reasons);
-        if mis && !methods.weigh_the_way() {
+        if laws {
+            check_laws(scene, settings, methods, &mut reasons)?;
+        }
+        let equiangular =
+            !laws && choose_equiangular(scene, settings, &lights, &mut reasons);
+        if laws && mis {
+            reasons.push("weights leave the way out: a law has no null collisions".into());
+        } else if mis && !methods.weigh_the_way() {
             reasons.push(format!(
                 "{} and {} have no common density along a path: weights leave the way out",
                 methods.distance.name(),
@@ -238,7 +255,12 @@ impl Plan {
             methods.distance,
             DistanceSampler::Delta | DistanceSampler::Spectral | DistanceSampler::WeightedDelta
         );
-        if grids > 0 && tracked && methods.transmittance == Estimator::Ratio && !plan.equiangular {
+        if grids > 0
+            && tracked
+            && methods.transmittance == Estimator::Ratio
+            && !plan.equiangular
+            && !laws
+        {
             let pilot = Pilot::new(scene, &plan, settings, PILOT_PATHS);
             let cost = pilot.cost_on(&plan.media);
             plan.predicted = Some(PathCost::new(cost.collisions, cost.steps, pilot.collisions()));
@@ -253,6 +275,7 @@ impl Plan {
             KernelKind::SingleGrey => "single_grey",
             KernelKind::Overlapping => "overlapping",
             KernelKind::Whole => "whole",
+            KernelKind::UnderLaw => "under_law",
         }
     }
 }
@@ -291,6 +314,69 @@ fn choose_equiangular(
         ));
     }
     chosen
+}
+
+/// Whether methods can serve the scene's laws, and how they do.
+///
+/// # Errors
+/// If a method that assumes the exponential law was asked for by name, and a volume follows another.
+fn check_laws(
+    scene: &Scene,
+    settings: &RenderSettings,
+    methods: Methods,
+    reasons: &mut Vec<String>,
+) -> Result<(), Error> {
+    let refused = |key: &str, name: &str, volume: &str, law: &Law, remedy: &str| Error::Invalid {
+        what: format!(
+            "sampling.{key} is {name}, which assumes the exponential law, but volume `{volume}` follows another ({law})"
+        ),
+        remedy: format!("use {remedy}, or `auto`"),
+    };
+    for volume in &scene.volumes {
+        let Some(law) = volume.medium.law() else { continue };
+        let (name, rates) = (&volume.name, law.is_mixture_of_exponentials());
+        let by_rates = rates && matches!(*volume.medium, Medium::Grid(_));
+        let distance_holds = match settings.distance {
+            Distance::Auto => true,
+            Distance::Equiangular => false,
+            Distance::By(DistanceSampler::Regular | DistanceSampler::Analytic) => true,
+            Distance::By(sampler) => rates && sampler.is_unbiased(),
+        };
+        if !distance_holds {
+            return Err(refused("distance", settings.distance.name(), name, law, "`regular`"));
+        }
+        let transmittance_holds = match settings.transmittance {
+            Transmittance::Auto => true,
+            Transmittance::By(Estimator::Regular | Estimator::DebiasedRayMarching) => true,
+            Transmittance::By(estimator) => rates && estimator.is_unbiased(),
+        };
+        if !transmittance_holds {
+            let name_of = settings.transmittance.name();
+            let remedy = "`regular` or `debiased_ray_marching`";
+            return Err(refused("transmittance", name_of, name, law, remedy));
+        }
+        let by_rate = by_rates && methods.distance != DistanceSampler::Regular;
+        reasons.push(format!(
+            "volume `{name}` follows the law {law}: flights {}, transmittance {}",
+            if by_rate {
+                "on the extinction times a drawn rate, since the law is a mixture of exponential ones"
+            } else {
+                "by exact inversion of the depth"
+            },
+            match methods.transmittance {
+                Estimator::DebiasedRayMarching => "by a telescoping series",
+                Estimator::Regular => "exact",
+                _ if by_rates => "likewise",
+                _ => "exact",
+            }
+        ));
+        if volume.emission.is_some() {
+            reasons.push(format!(
+                "the light that volume `{name}` gives off is taken as uncorrelated with its particles"
+            ));
+        }
+    }
+    Ok(())
 }
 
 /// The media with their majorants.
@@ -399,6 +485,7 @@ fn describe(name: &str, medium: &Medium) -> PlannedVolume {
                 sigma_t_max: f64::from(grid.scale()) * f64::from(grid.grid().range().1),
                 voxels: Some(if report.stored_as_half { "binary16" } else { "binary32" }),
                 bytes: report.bytes_voxels + report.bytes_bounds + report.bytes_index,
+                law: medium.law().map(ToString::to_string),
                 phase,
                 albedo: match grid.albedo() {
                     Albedo::Constant(albedo) => color(*albedo),
@@ -413,6 +500,7 @@ fn describe(name: &str, medium: &Medium) -> PlannedVolume {
             sigma_t_max: f64::from(homogeneous.scale()),
             voxels: None,
             bytes: 0,
+            law: medium.law().map(ToString::to_string),
             phase,
             albedo: color(homogeneous.albedo().to_array()),
         },
@@ -444,11 +532,12 @@ impl fmt::Display for Plan {
         for volume in &self.volumes {
             writeln!(
                 f,
-                "volume         {}: {}{}, sigma_t up to {:.4}, phase {}, albedo {}{}",
+                "volume         {}: {}{}, sigma_t up to {:.4}{}, phase {}, albedo {}{}",
                 volume.name,
                 volume.kind,
                 if volume.grey { "" } else { " per channel" },
                 volume.sigma_t_max,
+                volume.law.as_ref().map_or(String::new(), |law| format!(", law {law}")),
                 volume.phase,
                 volume.albedo,
                 volume.voxels.map_or(String::new(), |v| format!(

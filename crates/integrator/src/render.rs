@@ -4,7 +4,7 @@ use crate::counters::Counters;
 use crate::error::Error;
 use crate::lights::Lights;
 use crate::media::{
-    AnyStructure, DefaultStructure, Media, Overlapping, Ray, SingleGrey, Structures,
+    AnyStructure, DefaultStructure, Media, Overlapping, Ray, SingleGrey, Structures, UnderLaw,
 };
 use crate::path::Kernel;
 use crate::plan::{KernelKind, Plan};
@@ -153,9 +153,22 @@ fn dispatch<J: Job>(
     }
     let media = Overlapping { media, index: &plan.media.index, methods: plan.methods };
     let (environment, analog_flights) = (&scene.environment, plan.analog_flights);
-    if plan.kernel == KernelKind::Whole {
+    if matches!(plan.kernel, KernelKind::Whole | KernelKind::UnderLaw) {
         let fires: Vec<_> = scene.fires().cloned().collect();
         let world = Whole { surfaces: scene.surfaces.as_deref(), fires: &fires };
+        if plan.kernel == KernelKind::UnderLaw {
+            // One kernel for all such scenes: the plan keeps equiangular points away from them.
+            let media = UnderLaw { plain: media };
+            return job.run::<_, _, true, false>(&Kernel {
+                media,
+                world,
+                lights,
+                environment,
+                max_bounces,
+                typical_sigma_t,
+                analog_flights,
+            });
+        }
         let kernel = Kernel {
             media,
             world,

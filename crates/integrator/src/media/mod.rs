@@ -3,10 +3,12 @@
 mod index;
 mod overlapping;
 mod single_grey;
+mod under_law;
 
 pub(crate) use index::{MediaIndex, Met};
 pub(crate) use overlapping::Overlapping;
 pub(crate) use single_grey::{AnyStructure, DefaultStructure, SingleGrey, Structures};
+pub(crate) use under_law::UnderLaw;
 
 use glam::{DVec3, Vec3};
 use pileus_media::distance::DistanceSampler;
@@ -34,6 +36,9 @@ pub(crate) struct Collision {
     pub(crate) t: f64,
     pub(crate) medium: usize,
 }
+
+/// The medium at one of whose particles a ray starts; `None` for cameras, surfaces and bodies. It matters under laws that are not exponential.
+pub(crate) type Start = Option<usize>;
 
 /// What a free flight carries through its null collisions.
 #[derive(Debug, Clone, Copy)]
@@ -84,10 +89,13 @@ impl Methods {
 
 /// All media of a scene.
 pub(crate) trait Media: Sync {
-    /// Flies to the next real collision before `t_max`; `None` when the ray gets there. `first`: stratified majorant depth of the first collision.
+    /// Whether it matters where a ray starts: else nobody keeps account of it.
+    const LAWS: bool = false;
+
+    /// Flies `from` a start along a ray to the next real collision before `t_max`; `None` when the ray gets there. `first`: stratified majorant depth of the first collision.
     fn flight<R: Rng>(
         &self,
-        ray: &Ray,
+        from: (&Ray, Start),
         t_max: f64,
         first: Option<f32>,
         flown: &mut Flown,
@@ -95,11 +103,11 @@ pub(crate) trait Media: Sync {
         tally: &mut Tally,
     ) -> Option<Collision>;
 
-    /// An estimate of the transmittance up to `t_max`. Walks whose product falls below `threshold` are played
+    /// An estimate of the transmittance `from` a start along a ray up to `t_max`, a place that is correlated with no medium. Walks whose product falls below `threshold` are played
     /// roulette.
     fn transmittance<R: Rng>(
         &self,
-        ray: &Ray,
+        from: (&Ray, Start),
         t_max: f64,
         threshold: f32,
         rng: &mut R,

@@ -6,7 +6,7 @@
 //! throughput over channels is the same before and after every event, so that no channel's weight exceeds the number of channels;
 //! it is single-sample multiple importance sampling over channels by the balance heuristic [Miller et al. 2019].
 
-use super::{Collision, Flown, Media, MediaIndex, Met, Methods, Ray, Shadow};
+use super::{Collision, Flown, Media, MediaIndex, Met, Methods, Ray, Shadow, Start};
 use glam::{DVec3, Vec3};
 use pileus_media::distance::{
     DistanceSampler, Flight, WeightedFlight, delta_tracking, delta_tracking_by_mean,
@@ -32,7 +32,7 @@ pub(crate) struct Overlapping<'a> {
 
 /// A field of either kind of medium.
 #[expect(clippy::large_enum_variant, reason = "a few on the stack per flight, nearly all grids")]
-enum AnyRay<'a> {
+pub(super) enum AnyRay<'a> {
     Grid(AnyGridRay<'a>),
     Homogeneous(HomogeneousRay),
 }
@@ -103,14 +103,14 @@ impl Walker<'_> {
 }
 
 /// Where a ray meets a medium: what is known before it is walked.
-enum Entry<'a> {
+pub(super) enum Entry<'a> {
     Grid(&'a GridMedium, Span),
     Homogeneous(&'a HomogeneousMedium, f64, f32),
 }
 
 impl<'a> Entry<'a> {
     #[inline]
-    fn new(medium: &'a Medium, ray: &Ray, t_max: f64) -> Option<Entry<'a>> {
+    pub(super) fn new(medium: &'a Medium, ray: &Ray, t_max: f64) -> Option<Entry<'a>> {
         match medium {
             Medium::Grid(grid) => {
                 let span = grid.span(ray.origin, ray.direction, t_max)?;
@@ -140,7 +140,7 @@ impl<'a> Entry<'a> {
         }
     }
 
-    fn t(&self) -> f64 {
+    pub(super) fn t(&self) -> f64 {
         match self {
             Entry::Grid(_, span) => span.t_enter,
             Entry::Homogeneous(_, t, _) => *t,
@@ -148,7 +148,7 @@ impl<'a> Entry<'a> {
     }
 
     #[inline]
-    fn field(&self) -> AnyRay<'a> {
+    pub(super) fn field(&self) -> AnyRay<'a> {
         match self {
             Entry::Grid(grid, span) => AnyRay::Grid(grid.any_ray(span)),
             Entry::Homogeneous(medium, _, length) => AnyRay::Homogeneous(medium.ray(*length)),
@@ -157,10 +157,10 @@ impl<'a> Entry<'a> {
 }
 
 /// Media ahead, the nearest last.
-type Ahead<'a> = SmallVec<[(usize, Entry<'a>); 4]>;
+pub(super) type Ahead<'a> = SmallVec<[(usize, Entry<'a>); 4]>;
 
 /// Transmittance of a grey homogeneous medium up to `t_max`: closed form; `None` for other media.
-fn closed_form(medium: &Medium, ray: &Ray, t_max: f64) -> Option<f32> {
+pub(super) fn closed_form(medium: &Medium, ray: &Ray, t_max: f64) -> Option<f32> {
     let Medium::Homogeneous(medium) = medium else {
         return None;
     };
@@ -174,7 +174,7 @@ fn closed_form(medium: &Medium, ray: &Ray, t_max: f64) -> Option<f32> {
 }
 
 /// Whether a ray never leaves a medium that differs per channel: without end, transmittance is zero or one.
-fn endless(medium: &Medium, ray: &Ray, t_max: f64) -> bool {
+pub(super) fn endless(medium: &Medium, ray: &Ray, t_max: f64) -> bool {
     let Medium::Homogeneous(medium) = medium else {
         return false;
     };
@@ -239,7 +239,7 @@ impl<C: Channels, R: Rng> FieldKernel for ShadowAlone<'_, C, R> {
 impl<'a> Overlapping<'a> {
     /// The media of `met` that a ray meets, the nearest last.
     #[inline]
-    fn ahead(&self, met: &Met, ray: &Ray, t_max: f64) -> Ahead<'a> {
+    pub(super) fn ahead(&self, met: &Met, ray: &Ray, t_max: f64) -> Ahead<'a> {
         let mut ahead: Ahead<'a> = SmallVec::new();
         for &index in met {
             let index = index as usize;
@@ -254,7 +254,7 @@ impl<'a> Overlapping<'a> {
 
     /// Transmittance of one medium, and the null probability that weights count with it.
     #[inline]
-    fn shadow<C: Channels, R: Rng>(
+    pub(super) fn shadow<C: Channels, R: Rng>(
         &self,
         entry: &Entry<'_>,
         channels: C,
@@ -363,7 +363,7 @@ impl<'a> Overlapping<'a> {
 impl Media for Overlapping<'_> {
     fn flight<R: Rng>(
         &self,
-        ray: &Ray,
+        (ray, _): (&Ray, Start),
         t_max: f64,
         first: Option<f32>,
         flown: &mut Flown,
@@ -454,7 +454,7 @@ impl Media for Overlapping<'_> {
 
     fn transmittance<R: Rng>(
         &self,
-        ray: &Ray,
+        (ray, _): (&Ray, Start),
         t_max: f64,
         threshold: f32,
         rng: &mut R,

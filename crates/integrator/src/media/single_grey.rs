@@ -1,6 +1,6 @@
 //! One grid of grey extinction: the kernel of most clouds. No channels, no list of media, no choice of voxel type.
 
-use super::{Collision, Flown, Media, Methods, Ray, Shadow};
+use super::{Collision, Flown, Media, Methods, Ray, Shadow, Start};
 use glam::{DVec3, Vec3};
 use pileus_media::distance::{DistanceSampler, Flight, delta_tracking};
 use pileus_media::transmittance::{Estimator, ratio_tracking_with_roulette};
@@ -102,7 +102,7 @@ impl<V: Voxel, S: Structures> Media for SingleGrey<'_, V, S> {
     #[inline(always)]
     fn flight<R: Rng>(
         &self,
-        ray: &Ray,
+        (ray, _): (&Ray, Start),
         t_max: f64,
         first: Option<f32>,
         flown: &mut Flown,
@@ -135,7 +135,7 @@ impl<V: Voxel, S: Structures> Media for SingleGrey<'_, V, S> {
     #[inline(always)]
     fn transmittance<R: Rng>(
         &self,
-        ray: &Ray,
+        (ray, _): (&Ray, Start),
         t_max: f64,
         threshold: f32,
         rng: &mut R,
