@@ -157,8 +157,12 @@ impl Settings {
             ));
         }
         let volumes = job.volumes.iter().flatten().map(|spec| {
-            let vdb = spec.vdb.as_ref().map(|name| base.join(name).to_string_lossy().into_owned());
-            VolumeSpec { vdb, ..spec.clone() }
+            let mut spec = spec.clone();
+            let whole = |_: &str, name: &str| {
+                Ok::<_, std::convert::Infallible>(base.join(name).to_string_lossy().into_owned())
+            };
+            let Ok(()) = spec.resolve_files(whole);
+            spec
         });
         Ok(Self {
             render: sampling(&job, filter(&film, &places)?, &places)?,
@@ -260,7 +264,14 @@ impl Settings {
     /// All files that the job reads.
     pub fn files(&self) -> Vec<PathBuf> {
         let gltf = self.gltf.iter().map(|(path, _)| path.clone());
-        let volumes = self.volumes.iter().filter_map(|spec| spec.vdb.as_ref().map(PathBuf::from));
+        let mut volumes = Vec::new();
+        for spec in &self.volumes {
+            let collect = |_: &str, name: &str| {
+                volumes.push(PathBuf::from(name));
+                Ok::<_, std::convert::Infallible>(name.to_owned())
+            };
+            let Ok(()) = spec.clone().resolve_files(collect);
+        }
         let image = self.image.iter().filter_map(|source| match source {
             EnvironmentSource::File(file) => Some(file.path.clone()),
             EnvironmentSource::Sky { .. } => None,

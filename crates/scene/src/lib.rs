@@ -16,6 +16,7 @@ mod gltf_mesh;
 mod gltf_texture;
 mod gltf_volume;
 pub mod json;
+mod law;
 pub mod light;
 mod sky;
 pub mod surface;

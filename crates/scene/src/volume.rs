@@ -6,6 +6,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use glam::{DAffine3, DMat3, DQuat, DVec3};
+use pileus_media::law::Law;
 use pileus_media::{
     Albedo, BuildReport, ColorGrid, EmissionField, GridMedium, HomogeneousMedium, Interpolation,
     Medium, Phase, VoxelGrid, VoxelGridOptions,
@@ -14,6 +15,7 @@ use pileus_vdb::{GridClass, GridInfo, Tree, ValueType, Values, VdbFile};
 
 use crate::emission::EmissionParts;
 use crate::error::{Error, Place};
+use crate::law::law;
 use crate::uri::with_frame;
 use crate::volume_spec::{
     AlbedoSpec, DEFAULT_ALBEDO, DensitySpec, HomogeneousSpec, InterpolationSpec, PhaseSpec, Rgb,
@@ -74,6 +76,12 @@ pub enum DefaultScale {
     Cloud,
 }
 
+/// What a volume does to light, besides how much.
+struct Optics {
+    phase: Phase,
+    law: Option<Arc<Law>>,
+}
+
 /// What a render grid is made of: file, grid, channel of a vector grid, and whether values are those of the
 /// nearest voxel.
 type GridKey = (PathBuf, usize, Option<usize>, bool);
@@ -101,11 +109,12 @@ impl VolumeLoader {
             "extinction",
         )?;
         let phase = phase(spec.phase.as_ref(), &|| place("/phase"))?;
+        let optics = Optics { phase, law: law(spec, place)? };
         let placement = placement(spec, &request.to_world, place)?;
         match (&spec.vdb, &spec.homogeneous) {
-            (Some(vdb), None) => self.load_grid(request, vdb, extinction, phase, placement),
+            (Some(vdb), None) => self.load_grid(request, vdb, extinction, optics, placement),
             (None, Some(homogeneous)) => {
-                load_homogeneous(request, homogeneous, extinction, phase, &placement)
+                load_homogeneous(request, homogeneous, extinction, optics, &placement)
             }
             (None, None) => Err(Error::invalid(
                 place(""),
@@ -125,7 +134,7 @@ impl VolumeLoader {
         request: &VolumeRequest<'_>,
         vdb: &str,
         extinction: [f64; 3],
-        phase: Phase,
+        optics: Optics,
         placement: DAffine3,
     ) -> Result<Volume, Error> {
         let (spec, place) = (request.spec, request.place);
@@ -167,8 +176,9 @@ impl VolumeLoader {
         }
         let build = grid.report().clone();
         let sigma_t = extinction.map(|e| (e * scale) as f32);
-        let medium = GridMedium::new(grid, index_to_world, sigma_t, albedo, phase)
-            .map_err(|source| Error::medium(place(""), source))?;
+        let medium = GridMedium::new(grid, index_to_world, sigma_t, albedo, optics.phase)
+            .map_err(|source| Error::medium(place(""), source))?
+            .with_law(optics.law);
         let emission = match &spec.emission {
             None => None,
             Some(emission) => {
@@ -336,7 +346,7 @@ fn load_homogeneous(
     request: &VolumeRequest<'_>,
     homogeneous: &HomogeneousSpec,
     extinction: [f64; 3],
-    phase: Phase,
+    optics: Optics,
     placement: &DAffine3,
 ) -> Result<Volume, Error> {
     let (spec, place) = (request.spec, request.place);
@@ -377,8 +387,9 @@ fn load_homogeneous(
         })?),
     };
     let sigma_t = extinction.map(|e| (e * homogeneous.sigma_t) as f32);
-    let medium = HomogeneousMedium::new(sigma_t, bounds, albedo, phase)
-        .map_err(|source| Error::medium(place("/homogeneous"), source))?;
+    let medium = HomogeneousMedium::new(sigma_t, bounds, albedo, optics.phase)
+        .map_err(|source| Error::medium(place("/homogeneous"), source))?
+        .with_law(optics.law);
     Ok(Volume {
         name: name(request),
         medium: Arc::new(Medium::Homogeneous(medium)),

@@ -51,9 +51,9 @@ impl Default for Telescope {
 ///
 /// Level `j` is the law of a comb of `teeth 2^j`. One coarse comb is returned with one difference of neighbouring levels over the probability of that
 /// level; the even and the odd teeth of the finer comb are the two coarse ones, so that the differences telescope exactly and are of second order. Work is `2^j`:
-/// finite in the mean for `deeper < 1/2`. Where the squares of differences fall by `2^-b` a level the variance is finite for `deeper > 2^-b`: `b = 2`
-/// on edges of the extinction and `b = 4` on smooth rays under a law of bounded curvature, less by a half to one at the kink of the linear law; before a comb resolves a feature
-/// differences do not fall at all. From a particle under a law with an atom the survival itself jumps, and `b` is one half at best.
+/// finite in the mean for `deeper < 1/2`. Where the mean squares of differences fall by `2^-b` a level the variance is finite for `deeper > 2^-b`: `b` is four for combs that converge at
+/// first order (edges, unmatched ends) under a law of bounded curvature and more on smooth rays; three where the depth lies at a kink of the survival, one where it lies at a jump (from a
+/// particle under a law with an atom). Before a comb resolves a feature differences do not fall at all: a slow tail.
 pub fn debiased_under_law<F: RayField, C: Channels, R: Rng + ?Sized>(
     field: F,
     passage: Passage<'_>,
@@ -73,18 +73,55 @@ pub fn debiased_under_law<F: RayField, C: Channels, R: Rng + ?Sized>(
     }
     let Telescope { teeth, deeper } = telescope;
     let coarse = comb(&field, &stretch, teeth, uniform(rng), tally);
-    let mut fine_teeth = teeth;
+    let mut level = 0;
     let mut probability = f64::from(1.0 - deeper);
     while uniform(rng) < deeper {
-        fine_teeth = fine_teeth.saturating_mul(2);
+        level += 1;
         probability *= f64::from(deeper);
     }
-    let u = uniform(rng);
-    let a = f64::from(comb(&field, &stretch, fine_teeth, 0.5 * u, tally));
-    let b = f64::from(comb(&field, &stretch, fine_teeth, 0.5 * (u + 1.0), tally));
+    let (a, b) = neighbours(&field, &stretch, teeth, level, rng, tally);
     channels.of(1.0).map(|r| {
-        let at = |depth: f64| passage.survival(f64::from(r) * depth);
-        let difference = at(0.5 * (a + b)) - 0.5 * (at(a) + at(b));
-        (at(f64::from(coarse)) + difference / probability) as f32
+        let r = f64::from(r);
+        let first = passage.survival(r * f64::from(coarse));
+        (first + difference(passage, r * a, r * b) / probability) as f32
     })
+}
+
+/// The difference of the levels `level + 1` and `level` of [`debiased_under_law`], for the field's own channel and a ray of finite length: what a choice of levels is judged by.
+pub fn telescope_difference<F: RayField, R: Rng + ?Sized>(
+    field: F,
+    passage: Passage<'_>,
+    teeth: u32,
+    level: u32,
+    rng: &mut R,
+    tally: &mut Tally,
+) -> f64 {
+    let (stretch, field) = Stretch::whole(field);
+    if stretch.depth == 0.0 || !(stretch.length < f32::INFINITY) {
+        return 0.0;
+    }
+    let (a, b) = neighbours(&field, &stretch, teeth, level, rng, tally);
+    difference(passage, a, b)
+}
+
+/// Depths by the even and by the odd teeth of the comb one level finer: with its offset `u` the even ones have the offset `u / 2`, the odd ones `(u + 1) / 2`, in units of their distance.
+fn neighbours<F: RayField, R: Rng + ?Sized>(
+    field: &F,
+    stretch: &Stretch,
+    teeth: u32,
+    level: u32,
+    rng: &mut R,
+    tally: &mut Tally,
+) -> (f64, f64) {
+    let teeth = teeth.saturating_mul(1u32.checked_shl(level).unwrap_or(u32::MAX));
+    let u = uniform(rng);
+    let even = comb(field, stretch, teeth, 0.5 * u, tally);
+    let odd = comb(field, stretch, teeth, 0.5 * (u + 1.0), tally);
+    (f64::from(even), f64::from(odd))
+}
+
+/// The finer comb's value less the mean of the two coarse ones'.
+fn difference(passage: Passage<'_>, even: f64, odd: f64) -> f64 {
+    let coarse = 0.5 * (passage.survival(even) + passage.survival(odd));
+    passage.survival(0.5 * (even + odd)) - coarse
 }
