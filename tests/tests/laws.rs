@@ -46,11 +46,8 @@ fn laws() -> Vec<Law> {
         Law::Linear(Linear),
         Law::Table(Table::new(&points).unwrap()),
         Law::Mixture(
-            Mixture::new(vec![
-                component(0.5, 0.5, None),
-                component(0.5, 2.0, Some(power(3.0))),
-            ])
-            .unwrap(),
+            Mixture::new(vec![component(0.5, 0.5, None), component(0.5, 2.0, Some(power(3.0)))])
+                .unwrap(),
         ),
     ]
 }
@@ -204,17 +201,16 @@ fn rays_follow_the_law() {
 #[test]
 fn surface_and_scatterer_are_reciprocal() {
     let plume = asset_medium("syn_plume.vdb", [30.0; 3], [1.0; 3], Phase::Isotropic);
-    let (low, high) = plume.bounds_world().unwrap();
     let Medium::Grid(plume) = plume else { panic!("a grid") };
-    let middle = 0.5 * (low + high);
-    let origin = middle + DVec3::new(2.0, 0.4, 1.5);
-    let direction = (middle - origin).normalize().as_vec3();
+    let rays = classed_rays(&plume, 1, 5);
+    let ray = rays.into_iter().max_by(|a, b| a.optical_depth.total_cmp(&b.optical_depth)).unwrap();
+    let (origin, direction) = (ray.origin, ray.direction);
     let span = plume.span(origin, direction, f64::INFINITY).unwrap();
     let mut tally = Tally::default();
     let mut rng = Pcg32::new(20_261_125, 8);
     let depth = plume.any_ray(&span).optical_depth(&mut tally);
-    let at = |share: f64| plume.any_ray(&span).t_at_depth(share * depth, &mut Tally::default());
-    let (a, b) = (at(0.2).unwrap(), at(0.7).unwrap());
+    let at = |tau: f64| plume.any_ray(&span).t_at_depth(tau, &mut Tally::default());
+    let (a, b) = (at(0.2).unwrap(), at(0.8).unwrap());
     println!("depth {depth:.3}, stretch {a} to {b} of {}", span.length);
     let table = Table::new(&[[0.0, 1.0], [0.2, 0.55], [0.5, 0.3], [1.0, 0.1], [2.0, 0.01]]);
     for law in laws().into_iter().chain([Law::Table(table.unwrap())]) {
@@ -252,8 +248,7 @@ fn surface_and_scatterer_are_reciprocal() {
         }
         let n = f64::from(n);
         let (forth, back) = (forth / n, back / n);
-        let error =
-            (forth * (1.0 - forth) / n + (back_squares / n - back * back) / n).sqrt();
+        let error = (forth * (1.0 - forth) / n + (back_squares / n - back * back) / n).sqrt();
         let z = (forth - back) / error;
         println!("{law}: {forth:.5} there, {back:.5} back, z {z:.2}");
         assert!(z.abs() < 6.0, "{law}: {forth} there, {back} back, z {z}");
@@ -313,7 +308,11 @@ fn channels_follow_their_own_depths() {
     }
 }
 
-fn by_name(distance: Distance, transmittance: Transmittance, base: RenderSettings) -> RenderSettings {
+fn by_name(
+    distance: Distance,
+    transmittance: Transmittance,
+    base: RenderSettings,
+) -> RenderSettings {
     RenderSettings { distance, transmittance, ..base }
 }
 
@@ -360,7 +359,8 @@ fn white_furnace_under_every_law() {
 fn the_exponential_law_is_the_plain_kernel() {
     for extinction in [[3.0; 3], [3.0, 1.0, 0.2]] {
         let make = |law: Option<Law>| {
-            let medium = lumpy_grid(1.0, extinction, [0.95, 0.8, 0.5], Phase::henyey_greenstein(0.5));
+            let medium =
+                lumpy_grid(1.0, extinction, [0.95, 0.8, 0.5], Phase::henyey_greenstein(0.5));
             let medium = medium.with_law(law.map(Arc::new));
             let mut scene = scene(vec![medium], EYE, DVec3::ZERO, 40.0);
             scene.lights.push(sun(Vec3::new(0.5, 0.8, -0.3), Vec3::new(3.0, 2.0, 1.0), 8.0));
@@ -390,7 +390,7 @@ fn the_exponential_law_is_the_plain_kernel() {
 fn absorption_is_the_law() {
     for law in laws() {
         let medium = under(cube_grid(1.0, [0.5, 0.3, 0.0], [0.0; 3], Phase::Isotropic), &law);
-        let mut scene = scene(vec![medium], EYE, DVec3::ZERO, 40.0);
+        let mut scene = scene(vec![medium], EYE, DVec3::ZERO, 16.0);
         scene.environment.constant = Vec3::ONE;
         let result = rendered(&scene, &point_filter(64, 3));
         assert_expected(&law.to_string(), &result, |x, y| {
@@ -407,7 +407,7 @@ fn absorption_is_the_law() {
         cube_homogeneous(0.5, [0.3; 3], black, Phase::Isotropic),
         cube_grid(0.8, [0.2, 0.1, 0.2], black, Phase::Isotropic),
     ];
-    let mut overlapping = scene(media, EYE, DVec3::ZERO, 40.0);
+    let mut overlapping = scene(media, EYE, DVec3::ZERO, 16.0);
     overlapping.environment.constant = Vec3::ONE;
     let result = rendered(&overlapping, &point_filter(64, 4));
     assert_expected("overlapping", &result, |x, y| {
@@ -430,7 +430,7 @@ fn single_scattering_is_quadrature() {
             (Distance::By(DistanceSampler::Regular), Transmittance::By(Estimator::Regular)),
         ] {
             let cube = cube_grid(1.0, [sigma_t as f32; 3], [1.0; 3], Phase::Isotropic);
-            let mut scene = scene(vec![under(cube, &law)], EYE, DVec3::ZERO, 40.0);
+            let mut scene = scene(vec![under(cube, &law)], EYE, DVec3::ZERO, 16.0);
             scene.lights.push(sun(to_sun, Vec3::splat(4.0), 0.0));
             let base = RenderSettings { max_bounces: Some(1), ..point_filter(32, 5) };
             let result = rendered(&scene, &by_name(distance, transmittance, base));
@@ -519,8 +519,7 @@ fn the_plan_says_what_it_does_and_refuses_what_assumes_the_exponential() {
         assert!(text.contains(&format!("follows the law {law}")), "{text}");
         assert_eq!(text.contains("a drawn rate"), law.is_mixture_of_exponentials(), "{text}");
         for sampler in DistanceSampler::ALL {
-            let asked =
-                by_name(Distance::By(sampler), Transmittance::Auto, settings(1, 1));
+            let asked = by_name(Distance::By(sampler), Transmittance::Auto, settings(1, 1));
             let holds = sampler == DistanceSampler::Regular
                 || law.is_mixture_of_exponentials()
                     && sampler.is_unbiased()
@@ -531,7 +530,10 @@ fn the_plan_says_what_it_does_and_refuses_what_assumes_the_exponential() {
                 && sampler != DistanceSampler::Analytic
             {
                 let error = error.to_string();
-                assert!(error.contains("sampling.distance") && error.contains("exponential"), "{error}");
+                assert!(
+                    error.contains("sampling.distance") && error.contains("exponential"),
+                    "{error}"
+                );
             }
         }
         for estimator in Estimator::ALL {
@@ -591,7 +593,8 @@ fn a_floor_is_shaded_by_the_law() {
     let floor = quad([-4.0, -1.5, 4.0], [8.0, 0.0, 0.0], [0.0, 0.0, -8.0]);
     for law in laws() {
         let smoke = under(cube_grid(1.0, [0.6, 0.3, 0.1], [0.0; 3], Phase::Isotropic), &law);
-        let mut scene = scene(vec![smoke], DVec3::new(0.0, 1.0, 4.5), DVec3::new(0.0, -1.5, 0.0), 50.0);
+        let mut scene =
+            scene(vec![smoke], DVec3::new(0.0, 1.0, 4.5), DVec3::new(0.0, -1.5, 0.0), 50.0);
         scene.surfaces = Some(surfaces(&[(floor.clone(), lambert([0.8; 3]))]));
         scene.lights.push(sun(to_sun, Vec3::splat(2.0), 0.0));
         let base = RenderSettings { max_bounces: Some(1), ..point_filter(64, 7) };

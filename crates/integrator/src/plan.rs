@@ -166,8 +166,7 @@ impl Plan {
         });
         let lights = Lights::new(scene, settings.light_sampling);
         let suns = scene.lights.iter().filter(|l| matches!(l, Light::Sun(_))).count();
-        let mis =
-            lights.need_mis() || matches!(kernel, KernelKind::Whole | KernelKind::UnderLaw);
+        let mis = lights.need_mis() || matches!(kernel, KernelKind::Whole | KernelKind::UnderLaw);
         if lights.need_mis() {
             reasons.push(
                 "a light can be met by shadow rays and by paths: both are weighted by the densities of the null-scattering path"
@@ -192,8 +191,7 @@ impl Plan {
         if laws {
             check_laws(scene, settings, methods, &mut reasons)?;
         }
-        let equiangular =
-            !laws && choose_equiangular(scene, settings, &lights, &mut reasons);
+        let equiangular = !laws && choose_equiangular(scene, settings, &lights, &mut reasons);
         if laws && mis {
             reasons.push("weights leave the way out: a law has no null collisions".into());
         } else if mis && !methods.weigh_the_way() {

@@ -134,7 +134,8 @@ mod tests {
             worst[1] = worst[1].max(relative(exp_m1_f64(small), small.exp_m1()));
             let positive = (x * 0.1).exp();
             worst[2] = worst[2].max(relative(ln_f64(positive), positive.ln()));
-            worst[3] = worst[3].max(relative(ln_1p_f64(small.max(-0.999)), small.max(-0.999).ln_1p()));
+            worst[3] =
+                worst[3].max(relative(ln_1p_f64(small.max(-0.999)), small.max(-0.999).ln_1p()));
         }
         assert!(worst.iter().all(|w| *w < 2e-15), "worst relative errors {worst:?}");
         assert_eq!((exp_f64(0.0), exp_f64(f64::NEG_INFINITY)), (1.0, 0.0));

@@ -8,7 +8,8 @@ use crate::error::{Error, Place};
 use crate::json::{Document, nearest};
 use crate::uri::{resolve_name, resolve_uri};
 use crate::volume_spec::{
-    AlbedoSpec, DensitySpec, EmissionSpec, LawSpec, PhaseSpec, Rgb, TemperatureSpec, UpAxis, VolumeSpec,
+    AlbedoSpec, DensitySpec, EmissionSpec, LawSpec, PhaseSpec, Rgb, TemperatureSpec, UpAxis,
+    VolumeSpec,
 };
 
 /// The name of the node extension.

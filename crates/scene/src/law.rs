@@ -43,11 +43,7 @@ pub(crate) fn law(
     Ok(law.map(Arc::new))
 }
 
-fn single(
-    spec: &LawSpec,
-    key: &str,
-    place: &dyn Fn(&str) -> Place,
-) -> Result<Option<Law>, Error> {
+fn single(spec: &LawSpec, key: &str, place: &dyn Fn(&str) -> Place) -> Result<Option<Law>, Error> {
     let wrong = |source| at(place(key), source);
     Ok(Some(match spec {
         LawSpec::Exponential {} => return Ok(None),

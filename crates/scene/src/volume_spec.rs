@@ -186,9 +186,11 @@ impl VolumeSpec {
             *vdb = resolve("/vdb", vdb)?;
         }
         let mixture = self.law_mixture.iter_mut().flatten().enumerate();
-        let laws = self.law.iter_mut().map(|law| ("/law/file".to_owned(), law)).chain(
-            mixture.map(|(i, c)| (format!("/law_mixture/{i}/law/file"), &mut c.law)),
-        );
+        let laws = self
+            .law
+            .iter_mut()
+            .map(|law| ("/law/file".to_owned(), law))
+            .chain(mixture.map(|(i, c)| (format!("/law_mixture/{i}/law/file"), &mut c.law)));
         for (pointer, law) in laws {
             if let LawSpec::Table { file } = law {
                 *file = resolve(&pointer, file)?;

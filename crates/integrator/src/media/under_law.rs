@@ -7,9 +7,7 @@
 use super::overlapping::{Entry, closed_form, endless};
 use super::{Collision, Flown, Media, Overlapping, Ray, Shadow, Start};
 use glam::{DVec3, Vec3};
-use pileus_media::distance::{
-    DistanceSampler, Flight, WeightedFlight, regular_flight_under_law,
-};
+use pileus_media::distance::{DistanceSampler, Flight, WeightedFlight, regular_flight_under_law};
 use pileus_media::law::{self, Law, Passage};
 use pileus_media::random::exponential;
 use pileus_media::transmittance::{
@@ -29,7 +27,10 @@ pub(crate) struct UnderLaw<'a> {
 /// A medium's law seen from where a ray starts.
 fn passage(law: &Law, start: Start, medium: usize) -> Passage<'_> {
     let correlated = start == Some(medium);
-    Passage { law, start: if correlated { law::Start::Correlated } else { law::Start::Uncorrelated } }
+    Passage {
+        law,
+        start: if correlated { law::Start::Correlated } else { law::Start::Uncorrelated },
+    }
 }
 
 /// Whether a medium's flights and shadow rays run on a drawn rate: homogeneous media have closed forms.

@@ -112,12 +112,8 @@ enum LawMethod {
 
 impl LawMethod {
     /// The last goes deeper so rarely that its variance is infinite.
-    const ALL: [LawMethod; 4] = [
-        LawMethod::Regular,
-        LawMethod::Ratio,
-        LawMethod::Debiased(1.5),
-        LawMethod::Debiased(5.0),
-    ];
+    const ALL: [LawMethod; 4] =
+        [LawMethod::Regular, LawMethod::Ratio, LawMethod::Debiased(1.5), LawMethod::Debiased(5.0)];
 }
 
 #[derive(Clone, Copy, PartialEq)]
@@ -673,8 +669,7 @@ fn estimate_under_law<F: ExactField, C: Channels>(
                 Estimator::Ratio.estimate(field, channels, 0.0, rng, tally)
             }
             LawMethod::Debiased(c) => {
-                let telescope =
-                    Telescope { deeper: 2f64.powf(-c) as f32, ..Telescope::default() };
+                let telescope = Telescope { deeper: 2f64.powf(-c) as f32, ..Telescope::default() };
                 debiased_under_law(field(), passage, channels, telescope, rng, tally)
             }
         };

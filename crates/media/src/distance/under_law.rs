@@ -49,8 +49,8 @@ pub fn regular_flight_under_law<F: ExactField, C: Channels, R: Rng + ?Sized>(
         Ok(_) => f64::INFINITY,
         Err(whole) => whole,
     };
-    let survival = relative
-        .map(|r| if r > 0.0 { passage.survival(f64::from(r) * whole) as f32 } else { 1.0 });
+    let survival =
+        relative.map(|r| if r > 0.0 { passage.survival(f64::from(r) * whole) as f32 } else { 1.0 });
     let mean = survival.mean_by(beta);
     let weight = if C::Value::COUNT == 1 {
         C::Value::ONE
@@ -65,6 +65,7 @@ pub fn regular_flight_under_law<F: ExactField, C: Channels, R: Rng + ?Sized>(
 /// One over the probability of the chosen channel, in that channel alone.
 fn alone<S: Spectrum>(channel: usize, beta: S) -> S {
     let total: f32 = (0..S::COUNT).map(|c| beta.channel(c).abs()).sum();
-    let share = if total > 0.0 { beta.channel(channel).abs() / total } else { 1.0 / S::COUNT as f32 };
+    let share =
+        if total > 0.0 { beta.channel(channel).abs() / total } else { 1.0 / S::COUNT as f32 };
     S::one_channel(channel, 1.0 / share)
 }

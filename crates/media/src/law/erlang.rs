@@ -29,7 +29,9 @@ impl Erlang {
         }
         Err(Error::invalid(
             format!("n of an Erlang law is {n}"),
-            format!("give a whole number from 2 to {MOST_STAGES}; one stage is the exponential law"),
+            format!(
+                "give a whole number from 2 to {MOST_STAGES}; one stage is the exponential law"
+            ),
         ))
     }
 

@@ -84,7 +84,9 @@ impl Table {
             {
                 return wrong(
                     i + 1,
-                    format!("the curve bends down at optical depth {x0}: slope {before:.6} before, {secant:.6} after"),
+                    format!(
+                        "the curve bends down at optical depth {x0}: slope {before:.6} before, {secant:.6} after"
+                    ),
                     "let the curve be convex: else the density of flights between collisions would be negative",
                 );
             }
@@ -157,8 +159,11 @@ impl Table {
             push(points[i + 1][0], slopes[i + 1]);
         }
         let end = knots[knots.len() - 1];
-        let tail =
-            if ends || !(end.transmittance > 0.0) { f64::INFINITY } else { -end.slope / end.transmittance };
+        let tail = if ends || !(end.transmittance > 0.0) {
+            f64::INFINITY
+        } else {
+            -end.slope / end.transmittance
+        };
         Table { knots, tail }
     }
 

@@ -40,7 +40,13 @@ fn integral(f: impl Fn(f64) -> f64, a: f64, b: f64) -> f64 {
     let n = 4000;
     let h = (b - a) / f64::from(n);
     let term = |i: i32| {
-        let weight = if i == 0 || i == n { 1.0 } else if i % 2 == 1 { 4.0 } else { 2.0 };
+        let weight = if i == 0 || i == n {
+            1.0
+        } else if i % 2 == 1 {
+            4.0
+        } else {
+            2.0
+        };
         weight * f((a + h * f64::from(i)).max(1e-300))
     };
     (0..=n).map(term).sum::<f64>() * h / 3.0
@@ -56,14 +62,18 @@ fn densities_are_the_slopes_of_survivals() {
             assert_eq!(law.survival(start, f64::INFINITY), 0.0, "{law} {start:?}");
             let mut before = 1.0;
             // Between these no table has a knot in the middle of an interval, and no law an atom.
-            let edges = [0.01, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.7, 0.999, 1.001, 1.5, 2.0, 3.0, 6.0];
+            let edges =
+                [0.01, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.7, 0.999, 1.001, 1.5, 2.0, 3.0, 6.0];
             for pair in edges.windows(2) {
                 let (a, b) = (pair[0], pair[1]);
                 let fall = law.survival(start, a) - law.survival(start, b);
                 let mean = integral(|tau| law.density(start, tau), a, b);
                 let atom = law.has_atom(start) && (a < 1.0 && b > 1.0 || b >= 2.0 && a < 2.0);
                 // Kinks inside an interval cost Simpson's rule its order.
-                assert!(atom || (fall - mean).abs() < 5e-4 * (b - a), "{law} {start:?} {a}..{b}: {fall} {mean}");
+                assert!(
+                    atom || (fall - mean).abs() < 5e-4 * (b - a),
+                    "{law} {start:?} {a}..{b}: {fall} {mean}"
+                );
                 let here = law.survival(start, a);
                 assert!(here <= before + 1e-12, "{law} {start:?} rises at {a}");
                 before = here;
@@ -109,7 +119,10 @@ fn depths_are_inverses() {
                 let back = law.survival(start, tau);
                 let error = (back.ln() + drawn).abs();
                 // A table to zero ends where rounding begins.
-                assert!(error < 1e-6 * (1.0 + drawn) || back < 1e-8, "{law} {start:?}: {drawn} gives {tau}, back {back}");
+                assert!(
+                    error < 1e-6 * (1.0 + drawn) || back < 1e-8,
+                    "{law} {start:?}: {drawn} gives {tau}, back {back}"
+                );
             }
         }
     }
