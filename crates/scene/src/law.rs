@@ -60,19 +60,18 @@ fn single(spec: &LawSpec, key: &str, place: &dyn Fn(&str) -> Place) -> Result<Op
 }
 
 fn table(path: &Path, asked_at: &dyn Fn() -> Place) -> Result<Table, Error> {
-    let unread = |what: String| {
-        Error::missing(
-            asked_at(),
-            format!("the table of the law, {}, {what}", path.display()),
-            "name a text file with an optical depth and a transmittance on each line",
-        )
-    };
+    // The file that is not there, and who named it.
+    let asked = || Place::part(path, format!("named at {}", asked_at()));
     let mut text = String::new();
     std::fs::File::open(path)
         .and_then(|file| file.take(MAX_TABLE + 1).read_to_string(&mut text))
-        .map_err(|error| unread(format!("cannot be read: {error}")))?;
+        .map_err(|source| Error::io(asked(), source))?;
     if text.len() as u64 > MAX_TABLE {
-        return Err(unread(format!("is larger than {MAX_TABLE} bytes")));
+        return Err(Error::unsupported(
+            asked(),
+            format!("the table is larger than {MAX_TABLE} bytes"),
+            "give a text file with an optical depth and a transmittance on each line",
+        ));
     }
     Table::parse(&text).map_err(|source| at(Place::file(path), source))
 }
@@ -134,7 +133,6 @@ mod tests {
             (r#"{"law": {"type": "power", "k": 1}}"#, "/law", "k of a power law is 1"),
             (r#"{"law": {"type": "davis_weinstein", "h": 0.3, "c": 1}}"#, "/law", "h of"),
             (r#"{"law": {"type": "erlang", "n": 1}}"#, "/law", "n of an Erlang law is 1"),
-            (r#"{"law": {"type": "table", "file": "no/such"}}"#, "/law/file", "no/such"),
             (
                 r#"{"law_mixture": [{"weight": 1, "law": {"type": "power", "k": 0}}]}"#,
                 "/law_mixture/0/law",
@@ -152,6 +150,10 @@ mod tests {
             assert!(error.to_string().contains(said), "{text}: {error}");
             assert!(!error.remedy().is_empty(), "{text}");
         }
+        let error = read(r#"{"law": {"type": "table", "file": "no/such"}}"#).unwrap_err();
+        let said = error.to_string();
+        assert!(matches!(error, Error::Io { .. }), "{said}");
+        assert!(said.contains("no/such") && said.contains("job.json (/law/file)"), "{said}");
         let fault = json::parse::<VolumeSpec>(r#"{"law": {"type": "powr"}}"#).unwrap_err();
         assert!(fault.remedy.contains("did you mean `power`?"), "{fault:?}");
     }

@@ -71,6 +71,8 @@ fn values_out_of_range_are_placed() {
         ("/volumes/0/albedo", serde_json::json!(1.5)),
         ("/volumes/0/extinction", serde_json::json!([1, -1, 1])),
         ("/volumes/0/phase", serde_json::json!({"type": "henyey_greenstein", "g": 1})),
+        ("/volumes/0/law", serde_json::json!({"type": "power", "k": 1})),
+        ("/volumes/0/law", serde_json::json!({"type": "davis_weinstein", "h": 0.5, "c": 1})),
         ("/volumes/0/transform", serde_json::json!({"scale": [1, 0, 1]})),
         ("/volumes/0/density/scale", serde_json::json!(-1)),
         ("/volumes/0/density/grid", serde_json::json!("smoke")),
