@@ -378,6 +378,8 @@ fn the_exponential_law_is_the_plain_kernel() {
         {
             let base = settings(64, 2 + k as u64);
             let other = by_name(distance, transmittance, base);
+            // The choice of levels moves no mean.
+            let other = RenderSettings { level_exponent: 1.5 + 0.25 * k as f64, ..other };
             let result = rendered(&make(Some(exponential_law())), &other);
             let what = format!("{extinction:?} {} {}", distance.name(), transmittance.name());
             assert_same(&what, &plain, &result);
@@ -509,6 +511,12 @@ fn the_plan_says_what_it_does_and_refuses_what_assumes_the_exponential() {
         let cube = cube_grid(1.0, [1.0; 3], [0.5; 3], Phase::Isotropic);
         scene(vec![cube.with_law(law.cloned().map(Arc::new))], EYE, DVec3::ZERO, 40.0)
     };
+    let plan = |settings| Plan::new(&scene_of(Some(&power(2.0))), &settings).unwrap().to_string();
+    let debiased = Transmittance::By(Estimator::DebiasedRayMarching);
+    let asked = by_name(Distance::Auto, debiased, settings(1, 1));
+    let chosen = RenderSettings { level_exponent: 2.5, ..asked.clone() };
+    assert!(plan(asked).contains("series of exponent 1.5"));
+    assert!(plan(chosen).contains("series of exponent 2.5"));
     let plain = Plan::new(&scene_of(None), &settings(1, 1)).unwrap();
     assert_eq!(plain.kernel_name(), "single_grey");
     for law in laws() {

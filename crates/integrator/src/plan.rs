@@ -362,10 +362,12 @@ fn check_laws(
                 "by exact inversion of the depth"
             },
             match methods.transmittance {
-                Estimator::DebiasedRayMarching => "by a telescoping series",
-                Estimator::Regular => "exact",
-                _ if by_rates => "likewise",
-                _ => "exact",
+                Estimator::DebiasedRayMarching => {
+                    format!("by a telescoping series of exponent {}", settings.level_exponent)
+                }
+                Estimator::Regular => "exact".to_owned(),
+                _ if by_rates => "likewise".to_owned(),
+                _ => "exact".to_owned(),
             }
         ));
         if volume.emission.is_some() {

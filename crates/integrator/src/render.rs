@@ -13,6 +13,7 @@ use crate::settings::RenderSettings;
 use crate::thickness::typical_sigma_t;
 use crate::world::{MediaAlone, Whole, World};
 use pileus_film::{Film, PixelSample, Tile};
+use pileus_media::transmittance::Telescope;
 use pileus_media::{GridMedium, MajorantStructure, Medium, Voxel, VoxelKernel};
 use pileus_scene::Scene;
 use rayon::prelude::*;
@@ -158,7 +159,8 @@ fn dispatch<J: Job>(
         let world = Whole { surfaces: scene.surfaces.as_deref(), fires: &fires };
         if plan.kernel == KernelKind::UnderLaw {
             // One kernel for all such scenes: the plan keeps equiangular points away from them.
-            let media = UnderLaw { plain: media };
+            let telescope = Telescope::with_exponent(settings.level_exponent);
+            let media = UnderLaw { plain: media, telescope };
             return job.run::<_, _, true, false>(&Kernel {
                 media,
                 world,

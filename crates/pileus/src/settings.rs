@@ -403,8 +403,24 @@ fn filter(film: &FilmSpec, places: &Places) -> Result<Filter, Failure> {
 }
 
 fn sampling(job: &Job, filter: Filter, places: &Places) -> Result<RenderSettings, Failure> {
-    let SamplingSpec { spp, seed, max_bounces, transmittance, distance, majorants, majorant_scale } =
-        job.sampling.clone().unwrap_or_default();
+    let SamplingSpec {
+        spp,
+        seed,
+        max_bounces,
+        transmittance,
+        distance,
+        majorants,
+        majorant_scale,
+        level_exponent,
+    } = job.sampling.clone().unwrap_or_default();
+    let level_exponent = level_exponent.unwrap_or(RenderSettings::default().level_exponent);
+    if !(level_exponent > 1.0 && level_exponent <= 16.0) {
+        return Err(places.invalid(
+            "/sampling/level_exponent",
+            format!("a level exponent of {level_exponent}"),
+            "give a number above 1 (else the work is infinite) and at most 16; 1.5 is the default",
+        ));
+    }
     let spp = spp.unwrap_or(DEFAULT_SPP);
     if !(1..=MAX_SPP).contains(&spp) {
         return Err(places.invalid(
@@ -469,6 +485,7 @@ fn sampling(job: &Job, filter: Filter, places: &Places) -> Result<RenderSettings
         },
         majorants,
         majorant_scale,
+        level_exponent,
         ..RenderSettings::default()
     })
 }

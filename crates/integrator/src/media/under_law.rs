@@ -22,6 +22,8 @@ use rand_core::Rng;
 pub(crate) struct UnderLaw<'a> {
     /// The media as they are without their laws.
     pub(crate) plain: Overlapping<'a>,
+    /// How debiased ray marching chooses its levels.
+    pub(crate) telescope: Telescope,
 }
 
 /// A medium's law seen from where a ray starts.
@@ -77,8 +79,7 @@ impl UnderLaw<'_> {
         let channels = Relative(medium.relative_extinction());
         let estimator = self.plain.methods.transmittance;
         if estimator == Estimator::DebiasedRayMarching {
-            let telescope = Telescope::default();
-            return debiased_under_law(field, passage, channels, telescope, rng, tally);
+            return debiased_under_law(field, passage, channels, self.telescope, rng, tally);
         }
         if estimator != Estimator::Regular
             && runs_on_rates(medium, passage.law)

@@ -6,6 +6,7 @@
 use super::comb::comb;
 use super::debiased_ray_marching::{DEBIASED_TEETH, DEEPER};
 use crate::channels::{Channels, Spectrum};
+use crate::elementary::exp_f64;
 use crate::field::{ExactField, RayField};
 use crate::law::Passage;
 use crate::random::uniform;
@@ -44,6 +45,14 @@ impl Default for Telescope {
     /// As debiased ray marching of the exponential law: eight teeth, `2^(-3/2)`.
     fn default() -> Telescope {
         Telescope { teeth: DEBIASED_TEETH, deeper: DEEPER }
+    }
+}
+
+impl Telescope {
+    /// Eight teeth, and levels `j` of a probability in proportion to `2^(-exponent j)`.
+    pub fn with_exponent(exponent: f64) -> Telescope {
+        let deeper = exp_f64(-exponent * std::f64::consts::LN_2) as f32;
+        Telescope { deeper, ..Telescope::default() }
     }
 }
 

@@ -81,6 +81,7 @@ fn values_out_of_range_are_placed() {
             "/volumes/0/emission",
             serde_json::json!({"type": "grid", "grid": "density", "ramp": [{"value": 0, "color": 1}]}),
         ),
+        ("/sampling/level_exponent", serde_json::json!(1)),
         ("/sampling/spp", serde_json::json!(0)),
         ("/sampling/spp", serde_json::json!(1.5)),
         ("/film/resolution", serde_json::json!([0, 4])),
