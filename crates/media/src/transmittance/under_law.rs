@@ -61,7 +61,7 @@ impl Telescope {
 /// Level `j` is the law of a comb of `teeth 2^j`. One coarse comb is returned with one difference of neighbouring levels over the probability of that
 /// level; the even and the odd teeth of the finer comb are the two coarse ones, so that the differences telescope exactly and are of second order. Work is `2^j`:
 /// finite in the mean for `deeper < 1/2`. Where the mean squares of differences fall by `2^-b` a level the variance is finite for `deeper > 2^-b`: `b` is four for combs that converge at
-/// first order (edges, unmatched ends) under a law of bounded curvature and more on smooth rays; three where the depth lies at a kink of the survival, one where it lies at a jump (from a
+/// first order (edges, unmatched ends) under a law of bounded curvature and more on smooth rays; two where the depth lies at a kink of the survival, zero where it lies at a jump (from a
 /// particle under a law with an atom). Before a comb resolves a feature differences do not fall at all: a slow tail.
 pub fn debiased_under_law<F: RayField, C: Channels, R: Rng + ?Sized>(
     field: F,
