@@ -440,7 +440,7 @@ fn single_scattering_is_quadrature() {
             let expected = |x, y| {
                 let (o, d) = pixel_ray(&scene, x, y);
                 let Some((a, b)) = cube_span(o, d, 1.0) else { return [0.0; 3] };
-                let n = 800;
+                let n = 250;
                 let h = (b - a) / f64::from(n);
                 let sum: f64 = (0..n)
                     .map(|i| {
