@@ -16,7 +16,7 @@
 use crate::counters::Counters;
 use crate::interior::{self, Inside};
 use crate::lights::{Guide, Lights};
-use crate::media::{Ending, Flown, Media, Ray};
+use crate::media::{Ending, Flown, Leg, Media, Ray, Start};
 use crate::sampler::PathSampler;
 use crate::world::{InMedium, Vertex, World, luminance};
 use glam::{DVec3, Vec3};
@@ -150,6 +150,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         let mut inside = if W::WHOLE { self.inside.clone() } else { Inside::new() };
         // What directions drawn by fires have put on the throughput.
         let mut drawn = 1.0f32;
+        let mut start: Start = None;
         loop {
             let hit = self.world.intersect(&ray, sampler);
             let t_surface = hit.as_ref().map_or(f64::INFINITY, |hit| hit.t);
@@ -178,8 +179,8 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
                 let first = first.take();
                 let (flown, tally) = (&mut flown, &mut tally);
                 let mut others = M::Others::default();
-                let collision =
-                    self.media.flight((&ray, t_surface), first, flown, &mut others, sampler, tally);
+                let leg = Leg { ray: &ray, start, t_max: t_surface };
+                let collision = self.media.flight(leg, first, flown, &mut others, sampler, tally);
                 if M::PARTS {
                     branches.extend(others.into_iter().map(|ending| Branch {
                         ray,
@@ -195,6 +196,8 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
             if M::PARTS && bounces == 0 {
                 share = beta.cmpgt(Vec3::ZERO).bitmask().count_ones() as f32 / 3.0;
             }
+            let mut scattered_by =
+                if M::LAWS { collision.as_ref().map(|collision| collision.medium) } else { None };
             let mut event = match (&collision, hit) {
                 (Some(collision), _) => {
                     let (phase, albedo) = self.media.properties(
@@ -214,6 +217,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
                     if let Some(t) = interior::fly(body, t_end, &mut beta, sampler) {
                         let phase = PhaseAt::henyey_greenstein(body.g);
                         event = Event::Collision { t, phase, albedo: Vec3::ONE };
+                        scattered_by = None;
                     }
                 }
                 let t_end = match &event {
@@ -221,7 +225,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
                     _ => t_surface,
                 };
                 let spacing = if bounces == 0 { 1.0 } else { SPACING };
-                let flight = (&ray, t_end, t_surface);
+                let flight = (Leg { ray: &ray, start, t_max: t_surface }, t_end);
                 let fire = (before, spacing);
                 radiance += self.glow(flight, fire, &inside, sampler, &mut tally);
             }
@@ -299,6 +303,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
                     beta,
                     strongest,
                     inside: &inside,
+                    start: scattered_by,
                     flight,
                     guide: guide.as_ref(),
                 };
@@ -375,6 +380,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
                 last = Some(Last { p, vertex, pdf });
             }
             ray = Ray { origin, direction: wi };
+            start = scattered_by;
         }
         counters.bounces += u64::from(bounces - begun);
         counters.add_tally(&tally);
@@ -446,7 +452,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
     #[inline(never)]
     fn glow(
         &self,
-        (ray, t_end, t_surface): (&Ray, f64, f64),
+        (leg, t_end): (Leg<'_>, f64),
         (beta, spacing): (Vec3, f32),
         inside: &Inside,
         sampler: &mut PathSampler,
@@ -457,25 +463,33 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         let (mut total, mut chosen) = (0.0f32, None);
         let analog = self.analog_flights && inside.is_empty();
         for fire in self.world.fires() {
-            let to = if analog { t_end } else { t_surface };
+            let to = if analog { t_end } else { leg.t_max };
             let u = uniform(sampler);
-            fire.sparse_points(ray.origin, ray.direction, to, (u, spacing), tally, |point| {
-                let light = point.contribution;
-                if analog {
-                    radiance += light;
-                    return;
-                }
-                let strength = luminance(light);
-                if strength > 0.0 {
-                    total += strength;
-                    if uniform(sampler) * total < strength {
-                        chosen = Some((point.t, light / strength));
+            fire.sparse_points(
+                leg.ray.origin,
+                leg.ray.direction,
+                to,
+                (u, spacing),
+                tally,
+                |point| {
+                    let light = point.contribution;
+                    if analog {
+                        radiance += light;
+                        return;
                     }
-                }
-            });
+                    let strength = luminance(light);
+                    if strength > 0.0 {
+                        total += strength;
+                        if uniform(sampler) * total < strength {
+                            chosen = Some((point.t, light / strength));
+                        }
+                    }
+                },
+            );
         }
         if let Some((t, light)) = chosen {
-            let shadow = self.media.transmittance(ray, t, SHADOW_ROULETTE, beta, sampler, tally);
+            let leg = Leg { t_max: t, ..leg };
+            let shadow = self.media.transmittance(leg, SHADOW_ROULETTE, beta, sampler, tally);
             let body = inside.last().map_or(Vec3::ONE, |body| interior::transmittance(body, t));
             radiance += light * total * shadow.transmittance * body;
         }
@@ -520,8 +534,8 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
             return Vec3::ZERO;
         }
         let threshold = (SHADOW_ROULETTE / (importance / survive)).min(0.5);
-        let shadow =
-            self.media.transmittance(&ray, light.distance, threshold, at.beta, sampler, tally);
+        let leg = Leg { ray: &ray, start: at.start, t_max: light.distance };
+        let shadow = self.media.transmittance(leg, threshold, at.beta, sampler, tally);
         let mut weight = 1.0 / (choice.probability * survive);
         let mut arrives = shadow.transmittance * light.weight;
         if MIS && light.pdf > 0.0 {
@@ -626,18 +640,15 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         if self.world.occluded(&to_light, sample.distance, None, sampler) {
             return Vec3::ZERO;
         }
-        let there = self.media.transmittance(ray, t, SHADOW_ROULETTE, beta, sampler, tally);
+        // The plan keeps laws that are not exponential away from these points: where rays start does not matter.
+        let leg = |ray, t_max| Leg { ray, start: None, t_max };
+        let there = leg(ray, t);
+        let there = self.media.transmittance(there, SHADOW_ROULETTE, beta, sampler, tally);
         if there.transmittance == Vec3::ZERO {
             return Vec3::ZERO;
         }
-        let on = self.media.transmittance(
-            &to_light,
-            sample.distance,
-            SHADOW_ROULETTE,
-            beta,
-            sampler,
-            tally,
-        );
+        let on = leg(&to_light, sample.distance);
+        let on = self.media.transmittance(on, SHADOW_ROULETTE, beta, sampler, tally);
         unshadowed * there.transmittance * on.transmittance
     }
 }
@@ -691,6 +702,8 @@ struct Shading<'a, V> {
     strongest: f32,
     /// The bodies that the path came in.
     inside: &'a Inside,
+    /// The medium that scattered, where that matters.
+    start: Start,
     flight: Flight<'a>,
     /// How paths that go on from here are drawn to fires.
     guide: Option<&'a Guide>,

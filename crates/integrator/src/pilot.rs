@@ -7,7 +7,7 @@ use crate::Error;
 use crate::counters::Counters;
 use crate::interior::Inside;
 use crate::lights::Lights;
-use crate::media::{Collision, Flown, Media, MediaIndex, Overlapping, Ray, Shadow, Together};
+use crate::media::{Collision, Flown, Leg, Media, MediaIndex, Overlapping, Ray, Shadow, Together};
 use crate::path::Kernel;
 use crate::plan::{Plan, PlannedMedia};
 use crate::sampler::PathSampler;
@@ -65,30 +65,28 @@ impl Media for Recorder<'_> {
 
     fn flight<R: Rng>(
         &self,
-        (ray, t_max): (&Ray, f64),
-
+        leg: Leg<'_>,
         first: Option<[f32; 2]>,
         flown: &mut Flown<f32>,
         others: &mut Together,
         rng: &mut R,
         tally: &mut Tally,
     ) -> Option<Collision> {
-        let collision = self.media.flight((ray, t_max), first, flown, others, rng, tally);
-        self.record(ray, collision.map_or(t_max, |c| c.t), 0.0);
+        let collision = self.media.flight(leg, first, flown, others, rng, tally);
+        self.record(leg.ray, collision.map_or(leg.t_max, |c| c.t), 0.0);
         collision
     }
 
     fn transmittance<R: Rng>(
         &self,
-        ray: &Ray,
-        t_max: f64,
+        leg: Leg<'_>,
         threshold: f32,
         beta: Vec3,
         rng: &mut R,
         tally: &mut Tally,
     ) -> Shadow {
-        self.record(ray, t_max, threshold);
-        self.media.transmittance(ray, t_max, threshold, beta, rng, tally)
+        self.record(leg.ray, leg.t_max, threshold);
+        self.media.transmittance(leg, threshold, beta, rng, tally)
     }
 
     fn scattering<R: Rng>(

@@ -8,6 +8,7 @@ use crate::pilot::Pilot;
 use crate::settings::{Distance, RenderSettings, Transmittance};
 use crate::thickness::typical_depth;
 use pileus_media::distance::DistanceSampler;
+use pileus_media::law::Law;
 use pileus_media::transmittance::Estimator;
 use pileus_media::{Albedo, MajorantStructure, Medium};
 use pileus_scene::{Light, Scene, Surfaces};
@@ -29,6 +30,8 @@ pub(crate) enum KernelKind {
     Overlapping,
     /// The same with surfaces and light from volumes.
     Whole,
+    /// The same for media that follow laws which are not exponential.
+    UnderLaw,
 }
 
 /// A volume as planned.
@@ -46,6 +49,8 @@ pub struct PlannedVolume {
     pub voxels: Option<&'static str>,
     /// Bytes of voxels, bounds and tables.
     pub bytes: u64,
+    /// Transmittance law; none is the exponential one.
+    pub law: Option<String>,
     /// Phase function.
     pub phase: String,
     /// Albedo.
@@ -129,7 +134,9 @@ impl Plan {
         let fires = scene.fires().count();
         let flakes = || scene.volumes.iter().filter_map(|volume| volume.medium.phase().flakes());
         let of_flakes = flakes().next().is_some();
+        let laws = scene.volumes.iter().any(|volume| volume.medium.law().is_some());
         let kernel = match volumes.len() {
+            _ if laws => KernelKind::UnderLaw,
             _ if surfaces.is_some() || fires > 0 => KernelKind::Whole,
             0 => KernelKind::Empty,
             1 if grids == 1 && grey && plain => KernelKind::SingleGrey,
@@ -160,6 +167,9 @@ impl Plan {
             KernelKind::SingleChromatic => "one grid whose extinction differs per channel: channels fly together by delta tracking and part where their events \
                  differ, so that none is weighted; the kernel knows no list of media"
                 .to_owned(),
+            KernelKind::UnderLaw => "a volume follows a transmittance law that is not exponential: flights and shadow rays know whether they start at one of its \
+                 particles, and are one piece from there to their end"
+                .to_owned(),
             KernelKind::Overlapping if grey => {
                 let phase = if grids == 1 && volumes.len() == 1 {
                     "; the kernel of single grids knows no phase functions but isotropic and Henyey-Greenstein"
@@ -175,7 +185,7 @@ impl Plan {
         });
         let lights = Lights::new(scene, settings.light_sampling);
         let suns = scene.lights.iter().filter(|l| matches!(l, Light::Sun(_))).count();
-        let mis = lights.need_mis() || kernel == KernelKind::Whole;
+        let mis = lights.need_mis() || matches!(kernel, KernelKind::Whole | KernelKind::UnderLaw);
         if lights.need_mis() {
             reasons.push(
                 "a light can be met by shadow rays and by paths: both are weighted by the densities of the null-scattering path"
@@ -220,8 +230,19 @@ impl Plan {
                 remedy: "leave sampling.transmittance and sampling.distance to the plan".into(),
             });
         }
-        let equiangular = choose_equiangular(scene, settings, &lights, &mut reasons);
-        if mis && !methods.weigh_the_way() {
+        if laws {
+            check_laws(scene, settings, methods, &mut reasons)?;
+            if flakes().any(|flakes| flakes.by_grid()) {
+                return Err(Error::Invalid {
+                    what: "flakes by grid beside a law that is not exponential: it would need exact depths through them".into(),
+                    remedy: "give the flakes as numbers, or remove the law".into(),
+                });
+            }
+        }
+        let equiangular = !laws && choose_equiangular(scene, settings, &lights, &mut reasons);
+        if laws && lights.need_mis() {
+            reasons.push("weights leave the way out: a law has no null collisions".into());
+        } else if !laws && mis && !methods.weigh_the_way() {
             reasons.push(format!(
                 "{} and {} have no common density along a path: weights leave the way out",
                 methods.distance.name(),
@@ -292,6 +313,7 @@ impl Plan {
             && !parts
             && methods.transmittance == Estimator::Ratio
             && !plan.equiangular
+            && !laws
         {
             let pilot = Pilot::new(scene, &plan, settings, PILOT_PATHS);
             let cost = pilot.cost_on(&plan.media);
@@ -308,6 +330,7 @@ impl Plan {
             KernelKind::SingleChromatic => "single_chromatic",
             KernelKind::Overlapping => "overlapping",
             KernelKind::Whole => "whole",
+            KernelKind::UnderLaw => "under_law",
         }
     }
 }
@@ -361,6 +384,71 @@ fn choose_equiangular(
         ));
     }
     chosen
+}
+
+/// Whether methods can serve the scene's laws, and how they do.
+///
+/// # Errors
+/// If a method that assumes the exponential law was asked for by name, and a volume follows another.
+fn check_laws(
+    scene: &Scene,
+    settings: &RenderSettings,
+    methods: Methods,
+    reasons: &mut Vec<String>,
+) -> Result<(), Error> {
+    let refused = |key: &str, name: &str, volume: &str, law: &Law, remedy: &str| Error::Invalid {
+        what: format!(
+            "sampling.{key} is {name}, which assumes the exponential law, but volume `{volume}` follows another ({law})"
+        ),
+        remedy: format!("use {remedy}, or `auto`"),
+    };
+    for volume in &scene.volumes {
+        let Some(law) = volume.medium.law() else { continue };
+        let (name, rates) = (&volume.name, law.is_mixture_of_exponentials());
+        let by_rates = rates && matches!(*volume.medium, Medium::Grid(_));
+        let distance_holds = match settings.distance {
+            Distance::Auto => true,
+            Distance::Equiangular | Distance::Split => false,
+            Distance::By(DistanceSampler::Regular | DistanceSampler::Analytic) => true,
+            Distance::By(sampler) => rates && sampler.is_unbiased(),
+        };
+        if !distance_holds {
+            return Err(refused("distance", settings.distance.name(), name, law, "`regular`"));
+        }
+        let transmittance_holds = match settings.transmittance {
+            Transmittance::Auto => true,
+            Transmittance::By(Estimator::Regular | Estimator::DebiasedRayMarching) => true,
+            Transmittance::By(estimator) => rates && estimator.is_unbiased(),
+        };
+        if !transmittance_holds {
+            let name_of = settings.transmittance.name();
+            let remedy = "`regular` or `debiased_ray_marching`";
+            return Err(refused("transmittance", name_of, name, law, remedy));
+        }
+        let by_rate = by_rates && methods.distance != DistanceSampler::Regular;
+        reasons.push(format!(
+            "volume `{name}` follows the law {law}: flights {}, transmittance {}",
+            if by_rate {
+                "on the extinction times a drawn rate, since the law is a mixture of exponential ones"
+            } else {
+                "by exact inversion of the depth"
+            },
+            match methods.transmittance {
+                Estimator::DebiasedRayMarching => {
+                    format!("by a telescoping series of exponent {}", settings.level_exponent)
+                }
+                Estimator::Regular => "exact".to_owned(),
+                _ if by_rates => "likewise".to_owned(),
+                _ => "exact".to_owned(),
+            }
+        ));
+        if volume.emission.is_some() {
+            reasons.push(format!(
+                "the light that volume `{name}` gives off is taken as uncorrelated with its particles"
+            ));
+        }
+    }
+    Ok(())
 }
 
 /// The media with their majorants.
@@ -466,6 +554,7 @@ fn describe(name: &str, medium: &Medium) -> PlannedVolume {
                 sigma_t_max: f64::from(grid.scale()) * f64::from(grid.grid().range().1),
                 voxels: Some(if report.stored_as_half { "binary16" } else { "binary32" }),
                 bytes: report.bytes_voxels + report.bytes_bounds + report.bytes_index,
+                law: medium.law().map(ToString::to_string),
                 phase,
                 albedo: match grid.albedo() {
                     Albedo::Constant(albedo) => color(*albedo),
@@ -480,6 +569,7 @@ fn describe(name: &str, medium: &Medium) -> PlannedVolume {
             sigma_t_max: f64::from(homogeneous.scale()),
             voxels: None,
             bytes: 0,
+            law: medium.law().map(ToString::to_string),
             phase,
             albedo: color(homogeneous.albedo().to_array()),
         },
@@ -511,11 +601,12 @@ impl fmt::Display for Plan {
         for volume in &self.volumes {
             writeln!(
                 f,
-                "volume         {}: {}{}, sigma_t up to {:.4}, phase {}, albedo {}{}",
+                "volume         {}: {}{}, sigma_t up to {:.4}{}, phase {}, albedo {}{}",
                 volume.name,
                 volume.kind,
                 if volume.grey { "" } else { " per channel" },
                 volume.sigma_t_max,
+                volume.law.as_ref().map_or(String::new(), |law| format!(", law {law}")),
                 volume.phase,
                 volume.albedo,
                 volume.voxels.map_or(String::new(), |v| format!(

@@ -6,7 +6,7 @@ use crate::interior::Inside;
 use crate::lights::Lights;
 use crate::media::{
     AnyStructure, DefaultStructure, Media, Overlapping, Ray, SingleChromatic, SingleGrey,
-    Structures,
+    Structures, UnderLaw,
 };
 use crate::path::Kernel;
 use crate::plan::{KernelKind, Plan};
@@ -16,6 +16,7 @@ use crate::thickness::typical_sigma_t;
 use crate::world::{MediaAlone, Whole, World, luminance};
 use glam::Vec3;
 use pileus_film::{Film, PixelSample, Tile};
+use pileus_media::transmittance::Telescope;
 use pileus_media::{GridMedium, MajorantStructure, Medium, Voxel, VoxelKernel};
 use pileus_scene::Scene;
 use rayon::prelude::*;
@@ -156,12 +157,27 @@ fn dispatch<J: Job>(
     }
     let media = Overlapping { media, index: &plan.media.index, methods: plan.methods };
     let (environment, analog_flights) = (&scene.environment, plan.analog_flights);
-    if plan.kernel == KernelKind::Whole {
+    if matches!(plan.kernel, KernelKind::Whole | KernelKind::UnderLaw) {
         let fires: Vec<_> = scene.fires().cloned().collect();
         let surfaces = scene.surfaces.as_deref();
         let world = Whole { surfaces, fires: &fires };
         let camera = scene.camera.position();
         let inside = surfaces.map_or_else(Inside::new, |s| Inside::around(s, camera));
+        if plan.kernel == KernelKind::UnderLaw {
+            // One kernel for all such scenes: the plan keeps equiangular points away from them.
+            let telescope = Telescope::with_exponent(settings.level_exponent);
+            let media = UnderLaw { plain: media, telescope };
+            return job.run::<_, _, true, false>(&Kernel {
+                media,
+                world,
+                lights,
+                environment,
+                max_bounces,
+                typical_sigma_t,
+                analog_flights,
+                inside,
+            });
+        }
         let kernel = Kernel {
             media,
             world,

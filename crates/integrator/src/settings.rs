@@ -98,6 +98,9 @@ pub struct RenderSettings {
     /// Whether the default majorants run in the kernel that all structures share, which branches per step, instead of their own: to compare
     /// structures by equal means.
     pub shared_kernel: bool,
+    /// Of debiased ray marching under laws that are not exponential: level `j` has a probability in proportion to 2 to the power of minus `j` times this. Above 1, else the
+    /// work is infinite; where it is too large the variance is.
+    pub level_exponent: f64,
     /// Which techniques find light that both can meet.
     pub light_sampling: LightSampling,
     /// Largest luminance of a single sample: brighter ones are scaled down to it. **Biased**: light that few paths find is lost. `None`: no limit.
@@ -118,6 +121,7 @@ impl Default for RenderSettings {
             majorants: MajorantStructure::default(),
             majorant_scale: 1.0,
             shared_kernel: false,
+            level_exponent: 1.5,
             light_sampling: LightSampling::Both,
             clamp: None,
             tile_size: 16,

@@ -35,6 +35,8 @@ pub trait Spectrum:
     const COUNT: usize;
     /// The value of a channel below [`COUNT`](Spectrum::COUNT).
     fn channel(self, index: usize) -> f32;
+    /// `value` in the channel `index` below [`COUNT`](Spectrum::COUNT), zero in the others.
+    fn one_channel(index: usize, value: f32) -> Self;
     /// Mean over channels by the magnitudes of `weights`; by equal weights if all are zero.
     fn mean_by(self, weights: Self) -> f32;
 }
@@ -73,6 +75,10 @@ impl Spectrum for f32 {
         self
     }
     #[inline(always)]
+    fn one_channel(_: usize, value: f32) -> f32 {
+        value
+    }
+    #[inline(always)]
     fn mean_by(self, _: f32) -> f32 {
         self
     }
@@ -105,6 +111,12 @@ impl Spectrum for Vec3 {
     #[inline(always)]
     fn channel(self, index: usize) -> f32 {
         self[index]
+    }
+    #[inline(always)]
+    fn one_channel(index: usize, value: f32) -> Vec3 {
+        let mut channels = Vec3::ZERO;
+        channels[index] = value;
+        channels
     }
     #[inline(always)]
     fn mean_by(self, weights: Vec3) -> f32 {

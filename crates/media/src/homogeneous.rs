@@ -3,10 +3,12 @@
 use crate::Error;
 use crate::field::{ExactField, MajorantSegment, RayField};
 use crate::flakes::Flakes;
+use crate::law::Law;
 use crate::medium::{check_albedo, strongest_and_relative};
 use crate::phase::Phase;
 use crate::tally::Tally;
 use glam::{DVec3, Vec3};
+use std::sync::Arc;
 
 /// A homogeneous medium.
 #[derive(Debug, Clone)]
@@ -16,6 +18,7 @@ pub struct HomogeneousMedium {
     bounds: Option<(DVec3, DVec3)>,
     albedo: Vec3,
     phase: Phase,
+    law: Option<Arc<Law>>,
 }
 
 impl HomogeneousMedium {
@@ -51,7 +54,24 @@ impl HomogeneousMedium {
             ));
         }
         let (scale, relative) = strongest_and_relative(sigma_t);
-        Ok(HomogeneousMedium { scale, relative, bounds, albedo: Vec3::from_array(albedo), phase })
+        Ok(HomogeneousMedium {
+            scale,
+            relative,
+            bounds,
+            albedo: Vec3::from_array(albedo),
+            phase,
+            law: None,
+        })
+    }
+
+    /// The same medium under a transmittance law; `None` is the exponential one.
+    pub fn with_law(self, law: Option<Arc<Law>>) -> HomogeneousMedium {
+        HomogeneousMedium { law, ..self }
+    }
+
+    /// The transmittance law; `None` is the exponential one.
+    pub fn law(&self) -> Option<&Law> {
+        self.law.as_deref()
     }
 
     /// Extinction of the strongest channel, 1/length.

@@ -6,6 +6,7 @@ use crate::field::{ExactField, MajorantSegment, RayField};
 use crate::flakes::{FlakeRay, Flakes};
 use crate::grid::{Half, Voxel, VoxelGrid, Voxels};
 use crate::homogeneous::HomogeneousMedium;
+use crate::law::Law;
 use crate::majorant::{Adaptive, AnyPartition, GridRay, MajorantStructure, Majorants, Partition};
 use crate::phase::{Phase, PhaseAt};
 use crate::tally::Tally;
@@ -35,6 +36,7 @@ pub struct GridMedium {
     relative: Vec3,
     albedo: Albedo,
     phase: Phase,
+    law: Option<Arc<Law>>,
     world_to_local: DAffine3,
     direction_to_local: Mat3,
     local_to_world: DAffine3,
@@ -108,10 +110,21 @@ impl GridMedium {
             relative,
             albedo,
             phase,
+            law: None,
             world_to_local,
             direction_to_local: world_to_local.matrix3.as_mat3(),
             local_to_world,
         })
+    }
+
+    /// The same medium under a transmittance law; `None` is the exponential one.
+    pub fn with_law(self, law: Option<Arc<Law>>) -> GridMedium {
+        GridMedium { law, ..self }
+    }
+
+    /// The transmittance law; `None` is the exponential one.
+    pub fn law(&self) -> Option<&Law> {
+        self.law.as_deref()
     }
 
     /// The same medium with another majorant structure, and all majorants multiplied by `factor`: 1, but for experiments; above one they are looser than need
@@ -591,6 +604,22 @@ impl Medium {
         match self {
             Medium::Grid(medium) => flakes.projected_area(|| medium.to_index(p_world), direction),
             Medium::Homogeneous(_) => flakes.projected_area(|| p_world, direction),
+        }
+    }
+
+    /// The same medium under a transmittance law; `None` is the exponential one.
+    pub fn with_law(self, law: Option<Arc<Law>>) -> Medium {
+        match self {
+            Medium::Grid(medium) => Medium::Grid(medium.with_law(law)),
+            Medium::Homogeneous(medium) => Medium::Homogeneous(medium.with_law(law)),
+        }
+    }
+
+    /// The transmittance law; `None` is the exponential one.
+    pub fn law(&self) -> Option<&Law> {
+        match self {
+            Medium::Grid(medium) => medium.law(),
+            Medium::Homogeneous(medium) => medium.law(),
         }
     }
 

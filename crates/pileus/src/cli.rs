@@ -109,6 +109,10 @@ Writes majorants-NAME.csv, .html, and the plots as .svg and .png.")]
     #[command(after_long_help = "\
 Writes stability.md, stability.csv, stability.html and plots. The outcome is the same on every machine.")]
     Stability(ChartStabilityOptions),
+    /// Debiased transmittance under laws that are not exponential: variance and cost by how its levels are chosen.
+    #[command(after_long_help = "\
+Writes laws.csv, laws.html and plots. The figures are the same on every machine.")]
+    Laws(ChartLawsOptions),
 }
 
 /// Options of `chart transmittance`.
@@ -183,6 +187,14 @@ pub struct ChartMajorantsOptions {
 /// Options of `chart stability`.
 #[derive(Debug, Args)]
 pub struct ChartStabilityOptions {
+    /// Folder to write into.
+    #[arg(short, long, value_name = "FOLDER", default_value = "charts")]
+    pub output: PathBuf,
+}
+
+/// Options of `chart laws`.
+#[derive(Debug, Args)]
+pub struct ChartLawsOptions {
     /// Folder to write into.
     #[arg(short, long, value_name = "FOLDER", default_value = "charts")]
     pub output: PathBuf,

@@ -263,6 +263,12 @@ pub struct SamplingSpec {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("default" = null))]
     pub clamp: Option<f32>,
+    /// Of `debiased_ray_marching` under a `law`: level j of the telescoping series costs 2^j and has a probability in
+    /// proportion to 2^(-level_exponent j). Above 1, where the work is finite, and at most 16; the variance is infinite
+    /// above 4 on most rays, and grows from far below where extinction has narrow features.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("default" = 1.5))]
+    pub level_exponent: Option<f64>,
 }
 
 /// How transmittance is estimated; all but `ray_marching` are unbiased.

@@ -157,15 +157,12 @@ impl Settings {
             ));
         }
         let volumes = job.volumes.iter().flatten().map(|spec| {
-            let vdb = spec.vdb.as_ref().map(|name| base.join(name).to_string_lossy().into_owned());
-            let relative = &mut |name: String| {
+            let mut spec = spec.clone();
+            let whole = |_: &str, name: &str| {
                 Ok::<_, std::convert::Infallible>(base.join(name).to_string_lossy().into_owned())
             };
-            let phase = spec.phase.clone().map(|phase| match phase.map_files(relative) {
-                Ok(phase) => phase,
-                Err(never) => match never {},
-            });
-            VolumeSpec { vdb, phase, ..spec.clone() }
+            let Ok(()) = spec.resolve_files(whole);
+            spec
         });
         Ok(Self {
             render: sampling(&job, filter(&film, &places)?, &places)?,
@@ -267,14 +264,19 @@ impl Settings {
     /// All files that the job reads.
     pub fn files(&self) -> Vec<PathBuf> {
         let gltf = self.gltf.iter().map(|(path, _)| path.clone());
-        let volumes = self.volumes.iter().filter_map(|spec| spec.vdb.as_ref().map(PathBuf::from));
-        let tables = self.volumes.iter().filter_map(|spec| spec.phase.as_ref());
-        let tables = tables.flat_map(|phase| phase.files()).map(PathBuf::from);
+        let mut volumes = Vec::new();
+        for spec in &self.volumes {
+            let collect = |_: &str, name: &str| {
+                volumes.push(PathBuf::from(name));
+                Ok::<_, std::convert::Infallible>(name.to_owned())
+            };
+            let Ok(()) = spec.clone().resolve_files(collect);
+        }
         let image = self.image.iter().filter_map(|source| match source {
             EnvironmentSource::File(file) => Some(file.path.clone()),
             EnvironmentSource::Sky { .. } => None,
         });
-        gltf.chain(volumes).chain(tables).chain(image).collect()
+        gltf.chain(volumes).chain(image).collect()
     }
 }
 
@@ -410,7 +412,16 @@ fn sampling(job: &Job, filter: Filter, places: &Places) -> Result<RenderSettings
         majorants,
         majorant_scale,
         clamp,
+        level_exponent,
     } = job.sampling.clone().unwrap_or_default();
+    let level_exponent = level_exponent.unwrap_or(RenderSettings::default().level_exponent);
+    if !(level_exponent > 1.0 && level_exponent <= 16.0) {
+        return Err(places.invalid(
+            "/sampling/level_exponent",
+            format!("a level exponent of {level_exponent}"),
+            "give a number above 1 (else the work is infinite) and at most 16; 1.5 is the default",
+        ));
+    }
     let spp = spp.unwrap_or(DEFAULT_SPP);
     if !(1..=MAX_SPP).contains(&spp) {
         return Err(places.invalid(
@@ -484,6 +495,7 @@ fn sampling(job: &Job, filter: Filter, places: &Places) -> Result<RenderSettings
         majorants,
         majorant_scale,
         clamp,
+        level_exponent,
         ..RenderSettings::default()
     })
 }

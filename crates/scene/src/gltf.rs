@@ -586,6 +586,7 @@ fn list_not_modelled(root: &json::Root, scene: &mut GltfScene) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::volume_spec::LawSpec;
 
     fn read(text: &str) -> Result<GltfScene, Error> {
         parse("folder/a.gltf", text.as_bytes(), 683.0)
@@ -600,10 +601,12 @@ mod tests {
     #[test]
     fn extension_extras_object_and_flat_keys_say_the_same() {
         let object = r#"{"vdb":"a b.vdb","density":{"grid":"d","scale":8},"up_axis":"z",
-            "albedo":[0.8,0.8,0.85],"phase":{"type":"henyey_greenstein","g":0.3}}"#;
+            "albedo":[0.8,0.8,0.85],"phase":{"type":"henyey_greenstein","g":0.3},
+            "law":{"type":"table","file":"a b.csv"}}"#;
         let uri = object.replace("a b", "a%20b");
         let flat = r#"{"pileus_vdb":"a b.vdb","pileus_grid":"d","pileus_density_scale":8,
-            "pileus_up_axis":"z","pileus_albedo":[0.8,0.8,0.85],"pileus_g":0.3,"other":[]}"#;
+            "pileus_up_axis":"z","pileus_albedo":[0.8,0.8,0.85],"pileus_g":0.3,
+            "pileus_law":"table","pileus_law_file":"a b.csv","other":[]}"#;
         let nodes = [
             format!(r#"[{{"extensions":{{"PILEUS_volume":{uri}}}}}]"#),
             format!(r#"[{{"extras":{{"pileus_volume":{object}}}}}]"#),
@@ -617,6 +620,8 @@ mod tests {
         assert_eq!(specs[0], specs[1]);
         assert_eq!(specs[0], specs[2]);
         assert_eq!(Path::new(specs[0].vdb.as_ref().unwrap()), Path::new("folder/a b.vdb"));
+        let Some(LawSpec::Table { file }) = &specs[0].law else { panic!("{:?}", specs[0].law) };
+        assert_eq!(Path::new(file), Path::new("folder/a b.csv"));
     }
 
     #[test]
@@ -640,6 +645,11 @@ mod tests {
             r#"{"pileus_vdb":"a","pileus_g":"x"}"#,
             r#"{"pileus_vdb":"a","pileus_albedo":[1,2]}"#,
             r#"{"pileus_vdb":"a","pileus_up_axis":"x"}"#,
+            r#"{"pileus_vdb":"a","pileus_law":"power"}"#,
+            r#"{"pileus_vdb":"a","pileus_law":"mixture"}"#,
+            r#"{"pileus_vdb":"a","pileus_law_k":2}"#,
+            r#"{"pileus_vdb":"a","pileus_law":"erlang","pileus_law_n":2.5}"#,
+            r#"{"pileus_vdb":"a","pileus_law":"erlang","pileus_law_n":2,"pileus_law_k":2}"#,
         ] {
             let error = read(&with_nodes(&format!(r#"[{{"extras":{extras}}}]"#), ""));
             assert!(matches!(error, Err(Error::Invalid { .. })), "{extras}");

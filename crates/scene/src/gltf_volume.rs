@@ -9,7 +9,7 @@ use crate::gltf_phase::flat_phase;
 use crate::json::{Document, nearest};
 use crate::uri::{resolve_name, resolve_uri};
 use crate::volume_spec::{
-    AlbedoSpec, DensitySpec, EmissionSpec, Rgb, TemperatureSpec, UpAxis, VolumeSpec,
+    AlbedoSpec, DensitySpec, EmissionSpec, LawSpec, Rgb, TemperatureSpec, UpAxis, VolumeSpec,
 };
 
 /// The name of the node extension.
@@ -19,7 +19,7 @@ pub(crate) const EXTENSION: &str = "PILEUS_volume";
 const NESTED: &str = "pileus_volume";
 
 /// Flat keys of `extras`, what Blender writes from an object's custom properties.
-const FLAT: [&str; 31] = [
+const FLAT: [&str; 37] = [
     "pileus_vdb",
     "pileus_grid",
     "pileus_density_scale",
@@ -44,6 +44,12 @@ const FLAT: [&str; 31] = [
     "pileus_flake_diagonal_grid",
     "pileus_flake_off_diagonal_grid",
     "pileus_extinction",
+    "pileus_law",
+    "pileus_law_k",
+    "pileus_law_h",
+    "pileus_law_c",
+    "pileus_law_n",
+    "pileus_law_file",
     "pileus_temperature_grid",
     "pileus_temperature_scale",
     "pileus_emission_intensity",
@@ -68,17 +74,10 @@ pub(crate) fn volume_of_node(
         let pointer = format!("{node}/extensions/{EXTENSION}");
         if let Some(spec) = document.parse_at::<VolumeSpec>(&pointer) {
             let mut spec = spec?;
-            if let Some(uri) = &spec.vdb {
-                let place = document.place(&format!("{pointer}/vdb"));
-                spec.vdb = Some(path_text(&resolve_uri(base, uri, &place)?));
-            }
-            if let Some(phase) = spec.phase {
-                let place = document.place(&format!("{pointer}/phase"));
-                let phase = phase.map_files(&mut |uri| {
-                    resolve_uri(base, &uri, &place).map(|path| path_text(&path))
-                });
-                spec.phase = Some(phase?);
-            }
+            spec.resolve_files(|key, uri| {
+                let place = document.place(&format!("{pointer}{key}"));
+                resolve_uri(base, uri, &place).map(|path| path_text(&path))
+            })?;
             return Ok(Some((spec, pointer)));
         }
     }
@@ -91,12 +90,7 @@ pub(crate) fn volume_of_node(
         let pointer = format!("{pointer}/{NESTED}");
         let Some(spec) = document.parse_at::<VolumeSpec>(&pointer) else { return Ok(None) };
         let mut spec = spec?;
-        spec.vdb = spec.vdb.map(|name| path_text(&resolve_name(base, &name)));
-        if let Some(phase) = spec.phase {
-            let resolved =
-                &mut |name: String| Ok::<_, Error>(path_text(&resolve_name(base, &name)));
-            spec.phase = Some(phase.map_files(resolved)?);
-        }
+        spec.resolve_files(|_, name| Ok::<_, Error>(path_text(&resolve_name(base, name))))?;
         return Ok(Some((spec, pointer)));
     }
     let flat = Flat { document, pointer: &pointer, extras: &extras };
@@ -152,10 +146,69 @@ impl Flat<'_> {
             albedo: self.rgb("pileus_albedo")?.map(AlbedoSpec::Constant),
             extinction: self.rgb("pileus_extinction")?,
             phase: flat_phase(self, base)?,
+            law: self.law(base)?,
             emission: self.emission()?,
             up_axis,
             ..VolumeSpec::default()
         }))
+    }
+
+    fn law(&self, base: &Path) -> Result<Option<LawSpec>, Error> {
+        let name = self.text("pileus_law")?;
+        let needs = |key: &str, what: &str| self.number(key)?.ok_or_else(|| self.lacks(key, what));
+        let (law, own): (Option<LawSpec>, &[&str]) = match name.as_deref() {
+            None => (None, &[]),
+            Some("exponential") => (Some(LawSpec::Exponential {}), &[]),
+            Some("linear") => (Some(LawSpec::Linear {}), &[]),
+            Some("power") => {
+                let k = needs("pileus_law_k", "a power law")?;
+                (Some(LawSpec::Power { k }), &["pileus_law_k"])
+            }
+            Some("davis_weinstein") => {
+                let h = needs("pileus_law_h", "a Davis-Weinstein law")?;
+                let c = needs("pileus_law_c", "a Davis-Weinstein law")?;
+                (Some(LawSpec::DavisWeinstein { h, c }), &["pileus_law_h", "pileus_law_c"])
+            }
+            Some("erlang") => {
+                let n = needs("pileus_law_n", "an Erlang law")?;
+                if !(n.fract() == 0.0 && (0.0..=1e6).contains(&n)) {
+                    return Err(self.wrong("pileus_law_n", "a whole number"));
+                }
+                (Some(LawSpec::Erlang { n: n as u32 }), &["pileus_law_n"])
+            }
+            Some("table") => {
+                let Some(file) = self.text("pileus_law_file")? else {
+                    return Err(self.lacks("pileus_law_file", "a tabulated law"));
+                };
+                let file = path_text(&resolve_name(base, &file));
+                (Some(LawSpec::Table { file }), &["pileus_law_file"])
+            }
+            Some(_) => {
+                let expected = "\"exponential\", \"power\", \"davis_weinstein\", \"erlang\", \"linear\" or \"table\"; mixtures stand in an object `pileus_volume`";
+                return Err(self.wrong("pileus_law", expected));
+            }
+        };
+        for key in FLAT.into_iter().filter(|key| key.starts_with("pileus_law_")) {
+            if self.extras.contains_key(key) && !own.contains(&key) {
+                return Err(Error::invalid(
+                    self.place(key),
+                    format!(
+                        "`{key}` means nothing to the law `{}`",
+                        name.as_deref().unwrap_or("exponential")
+                    ),
+                    format!("remove `{key}`, or set `pileus_law` to the law that it belongs to"),
+                ));
+            }
+        }
+        Ok(law)
+    }
+
+    fn lacks(&self, key: &str, what: &str) -> Error {
+        Error::invalid(
+            self.place("pileus_law"),
+            format!("{what} needs `{key}`"),
+            format!("add `{key}`"),
+        )
     }
 
     fn emission(&self) -> Result<Option<EmissionSpec>, Error> {

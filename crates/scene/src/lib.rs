@@ -19,6 +19,7 @@ mod gltf_phase;
 mod gltf_texture;
 mod gltf_volume;
 pub mod json;
+mod law;
 pub mod light;
 mod phase;
 pub mod phase_spec;

@@ -16,6 +16,7 @@ use pileus_vdb::{GridClass, GridInfo, Tree, ValueType, Values, VdbFile};
 use crate::emission::EmissionParts;
 use crate::error::{Error, Place};
 use crate::flakes::FlakeGrids;
+use crate::law::law;
 use crate::phase_spec::{CosineSpec, PhaseSpec};
 use crate::uri::with_frame;
 use crate::volume_spec::{
@@ -152,6 +153,7 @@ impl VolumeLoader {
         let grid = self.grid(&file, &path, index, interpolation, &|| place("/vdb"))?;
         let albedo = self.albedo(request, &file, &path, info)?;
         let phase = self.phase(request, &file, &path, info, &placement)?;
+        let law = law(spec, place)?;
         if phase.flakes().is_some() && matches!(spec.emission, Some(EmissionSpec::Blackbody { .. }))
         {
             return Err(Error::unsupported(
@@ -178,7 +180,8 @@ impl VolumeLoader {
         let build = grid.report().clone();
         let sigma_t = extinction.map(|e| (e * scale) as f32);
         let medium = GridMedium::new(grid, index_to_world, sigma_t, albedo, phase)
-            .map_err(|source| Error::medium(place(""), source))?;
+            .map_err(|source| Error::medium(place(""), source))?
+            .with_law(law);
         let emission = match &spec.emission {
             None => None,
             Some(emission) => {
@@ -468,6 +471,7 @@ fn load_homogeneous(
         None => constant_albedo(Rgb::Grey(DEFAULT_ALBEDO), place)?,
     };
     let phase = crate::phase::phase(spec.phase.as_ref(), placement, place, None)?;
+    let law = law(spec, place)?;
     let bounds = homogeneous.bounds.map(|bounds| bounds.map(DVec3::from_array));
     let bounds = match bounds {
         None => None,
@@ -481,7 +485,8 @@ fn load_homogeneous(
     };
     let sigma_t = extinction.map(|e| (e * homogeneous.sigma_t) as f32);
     let medium = HomogeneousMedium::new(sigma_t, bounds, albedo, phase)
-        .map_err(|source| Error::medium(place("/homogeneous"), source))?;
+        .map_err(|source| Error::medium(place("/homogeneous"), source))?
+        .with_law(law);
     Ok(Volume {
         name: name(request),
         medium: Arc::new(Medium::Homogeneous(medium)),

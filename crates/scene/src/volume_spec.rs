@@ -42,6 +42,13 @@ pub struct VolumeSpec {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("default" = {"type": "isotropic"}))]
     pub phase: Option<PhaseSpec>,
+    /// How light gets through: transmittance as a function of optical depth.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("default" = {"type": "exponential"}))]
+    pub law: Option<LawSpec>,
+    /// A weighted sum of laws instead of `law`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub law_mixture: Option<Vec<LawComponentSpec>>,
     /// Light that the volume gives off.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub emission: Option<EmissionSpec>,
@@ -102,6 +109,86 @@ pub enum AlbedoSpec {
     Constant(Rgb),
     /// The values of a grid of the same file.
     Grid(String),
+}
+
+/// A transmittance law: `T(tau)` between places that have nothing to do with the volume's particles.
+/// Rays that start at one of them follow `T'(tau) / T'(0)`, so that transport conserves energy and is
+/// reciprocal.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(tag = "type", rename_all = "snake_case", deny_unknown_fields)]
+pub enum LawSpec {
+    /// `exp(-tau)`: particles without order.
+    Exponential {},
+    /// `(1 + tau / k)^-k`: particles in clusters.
+    Power {
+        /// Above 1; exponential as it grows.
+        k: f64,
+    },
+    /// Clusters at all scales (Davis and Mineev-Weinstein 2011): optical depths vary by a gamma
+    /// distribution of variance `(c tau)^(2 h)`.
+    DavisWeinstein {
+        /// Hurst exponent, above 0.5 and at most 1; 1 is the power law of `k = 1 / c^2`.
+        h: f64,
+        /// Strength of the variation, above 0; below 1 where `h` is 1.
+        c: f64,
+    },
+    /// Particles that keep apart: flights between them are sums of `n` exponential ones.
+    Erlang {
+        /// From 2 to 64; the more, the more regular.
+        n: u32,
+    },
+    /// `max(0, 1 - tau)`: from particle to particle always the same optical depth.
+    Linear {},
+    /// Through the points of a file.
+    Table {
+        /// A text file: an optical depth and a transmittance on each line, from `0, 1` on, falling and
+        /// convex; `#` begins a comment. Where the last transmittance is not 0 the rest is exponential.
+        file: String,
+    },
+}
+
+/// One law of a mixture.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LawComponentSpec {
+    /// Its share, above 0; shares are divided by their sum.
+    pub weight: f64,
+    /// Factor on its optical depth, above 0.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("default" = 1))]
+    pub rate: Option<f64>,
+    /// The law.
+    pub law: LawSpec,
+}
+
+impl VolumeSpec {
+    /// Replaces the names of all files by what `resolve` makes of them; it is given the JSON pointer of the key, relative to this object.
+    ///
+    /// # Errors
+    /// The first that `resolve` returns.
+    pub fn resolve_files<E>(
+        &mut self,
+        mut resolve: impl FnMut(&str, &str) -> Result<String, E>,
+    ) -> Result<(), E> {
+        if let Some(vdb) = &mut self.vdb {
+            *vdb = resolve("/vdb", vdb)?;
+        }
+        if let Some(phase) = self.phase.take() {
+            self.phase = Some(phase.map_files(&mut |name| resolve("/phase", &name))?);
+        }
+        let mixture = self.law_mixture.iter_mut().flatten().enumerate();
+        let laws = self
+            .law
+            .iter_mut()
+            .map(|law| ("/law/file".to_owned(), law))
+            .chain(mixture.map(|(i, c)| (format!("/law_mixture/{i}/law/file"), &mut c.law)));
+        for (pointer, law) in laws {
+            if let LawSpec::Table { file } = law {
+                *file = resolve(&pointer, file)?;
+            }
+        }
+        Ok(())
+    }
 }
 
 /// Light that a volume gives off, as radiance per scene unit along a ray; scaling the volume makes it

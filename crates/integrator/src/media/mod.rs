@@ -4,11 +4,13 @@ mod index;
 mod overlapping;
 mod single_chromatic;
 mod single_grey;
+mod under_law;
 
 pub(crate) use index::{MediaIndex, Met};
 pub(crate) use overlapping::Overlapping;
 pub(crate) use single_chromatic::SingleChromatic;
 pub(crate) use single_grey::{AnyStructure, DefaultStructure, SingleGrey, Structures};
+pub(crate) use under_law::UnderLaw;
 
 use glam::{DVec3, Vec3};
 use pileus_media::distance::DistanceSampler;
@@ -36,6 +38,17 @@ impl Ray {
 pub(crate) struct Collision {
     pub(crate) t: f64,
     pub(crate) medium: usize,
+}
+
+/// The medium at one of whose particles a ray starts; `None` for cameras, surfaces and bodies. It matters under laws that are not exponential.
+pub(crate) type Start = Option<usize>;
+
+/// A ray from where it starts to a distance.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Leg<'a> {
+    pub(crate) ray: &'a Ray,
+    pub(crate) start: Start,
+    pub(crate) t_max: f64,
 }
 
 /// What a free flight carries through its null collisions.
@@ -110,14 +123,16 @@ pub(crate) trait Media: Sync {
     const PARTS: bool = false;
     /// What gets the endings of parted channels.
     type Others: Default + IntoIterator<Item = Ending<Self::Nulls>>;
-    /// Flies to the next real collision on a ray before a distance; `None` when the ray gets there. `first`: stratified majorant depth of the first collision, and
+    /// Whether it matters where a ray starts: else nobody keeps account of it.
+    const LAWS: bool = false;
+
+    /// Flies to the next real collision before the end of the leg; `None` when the ray gets there. `first`: stratified majorant depth of the first collision, and
     /// a stratified uniform number for what it is taken for.
     ///
     /// Where channels part, throughput and collision are those of some channels, and `others` gets the rest.
     fn flight<R: Rng>(
         &self,
-        ray: (&Ray, f64),
-
+        leg: Leg<'_>,
         first: Option<[f32; 2]>,
         flown: &mut Flown<Self::Nulls>,
         others: &mut Self::Others,
@@ -125,12 +140,11 @@ pub(crate) trait Media: Sync {
         tally: &mut Tally,
     ) -> Option<Collision>;
 
-    /// An estimate of the transmittance up to `t_max`, for the channels that have throughput in `beta`. Walks whose product falls below `threshold`
-    /// are played roulette.
+    /// An estimate of the transmittance of a leg that ends at a place which is correlated with no medium, for the channels that have throughput in `beta`.
+    /// Walks whose product falls below `threshold` are played roulette.
     fn transmittance<R: Rng>(
         &self,
-        ray: &Ray,
-        t_max: f64,
+        leg: Leg<'_>,
         threshold: f32,
         beta: Vec3,
         rng: &mut R,

@@ -6,7 +6,7 @@
 //! throughput over channels is the same before and after every event, so that no channel's weight exceeds the number of channels;
 //! it is single-sample multiple importance sampling over channels by the balance heuristic [Miller et al. 2019].
 
-use super::{Collision, Flown, Media, MediaIndex, Met, Methods, Ray, Shadow, Together};
+use super::{Collision, Flown, Leg, Media, MediaIndex, Met, Methods, Ray, Shadow, Together};
 use glam::{DVec3, Vec3};
 use pileus_media::distance::{
     DistanceSampler, Flight, WeightedFlight, delta_tracking, delta_tracking_by_mean,
@@ -33,7 +33,7 @@ pub(crate) struct Overlapping<'a> {
 
 /// A field of either kind of medium.
 #[expect(clippy::large_enum_variant, reason = "a few on the stack per flight, nearly all grids")]
-enum AnyRay<'a> {
+pub(super) enum AnyRay<'a> {
     Grid(AnyGridRay<'a>),
     Homogeneous(HomogeneousRay),
     /// The same of flakes.
@@ -121,7 +121,7 @@ impl Walker<'_> {
 }
 
 /// Where a ray meets a medium: what is known before it is walked.
-enum Entry<'a> {
+pub(super) enum Entry<'a> {
     Grid(&'a GridMedium, Span),
     Homogeneous(&'a HomogeneousMedium, f64, f32),
     /// The same of flakes, with the ray's direction.
@@ -131,7 +131,7 @@ enum Entry<'a> {
 
 impl<'a> Entry<'a> {
     #[inline]
-    fn new(medium: &'a Medium, ray: &Ray, t_max: f64) -> Option<Entry<'a>> {
+    pub(super) fn new(medium: &'a Medium, ray: &Ray, t_max: f64) -> Option<Entry<'a>> {
         match medium {
             Medium::Grid(grid) => {
                 let span = grid.span(ray.origin, ray.direction, t_max)?;
@@ -175,7 +175,7 @@ impl<'a> Entry<'a> {
         }
     }
 
-    fn t(&self) -> f64 {
+    pub(super) fn t(&self) -> f64 {
         match self {
             Entry::Grid(_, span) | Entry::GridOfFlakes(.., span) => span.t_enter,
             Entry::Homogeneous(_, t, _) | Entry::HomogeneousFlakes(.., (t, _)) => *t,
@@ -183,7 +183,7 @@ impl<'a> Entry<'a> {
     }
 
     #[inline]
-    fn field(&self) -> AnyRay<'a> {
+    pub(super) fn field(&self) -> AnyRay<'a> {
         match self {
             Entry::Grid(grid, span) => AnyRay::Grid(grid.any_ray(span)),
             Entry::Homogeneous(medium, _, length) => AnyRay::Homogeneous(medium.ray(*length)),
@@ -202,10 +202,10 @@ impl<'a> Entry<'a> {
 }
 
 /// Media ahead, the nearest last.
-type Ahead<'a> = SmallVec<[(usize, Entry<'a>); 4]>;
+pub(super) type Ahead<'a> = SmallVec<[(usize, Entry<'a>); 4]>;
 
 /// Transmittance of a grey homogeneous medium up to `t_max`: closed form; `None` for other media.
-fn closed_form(medium: &Medium, ray: &Ray, t_max: f64) -> Option<f32> {
+pub(super) fn closed_form(medium: &Medium, ray: &Ray, t_max: f64) -> Option<f32> {
     let Medium::Homogeneous(medium) = medium else {
         return None;
     };
@@ -220,7 +220,7 @@ fn closed_form(medium: &Medium, ray: &Ray, t_max: f64) -> Option<f32> {
 }
 
 /// Whether a ray never leaves a medium that differs per channel: without end, transmittance is zero or one.
-fn endless(medium: &Medium, ray: &Ray, t_max: f64) -> bool {
+pub(super) fn endless(medium: &Medium, ray: &Ray, t_max: f64) -> bool {
     let Medium::Homogeneous(medium) = medium else {
         return false;
     };
@@ -285,7 +285,7 @@ impl<C: Channels, R: Rng> FieldKernel for ShadowAlone<'_, C, R> {
 impl<'a> Overlapping<'a> {
     /// The media of `met` that a ray meets, the nearest last.
     #[inline]
-    fn ahead(&self, met: &Met, ray: &Ray, t_max: f64) -> Ahead<'a> {
+    pub(super) fn ahead(&self, met: &Met, ray: &Ray, t_max: f64) -> Ahead<'a> {
         let mut ahead: Ahead<'a> = SmallVec::new();
         for &index in met {
             let index = index as usize;
@@ -300,7 +300,7 @@ impl<'a> Overlapping<'a> {
 
     /// Transmittance of one medium, and the null probability that weights count with it.
     #[inline]
-    fn shadow<C: Channels, R: Rng>(
+    pub(super) fn shadow<C: Channels, R: Rng>(
         &self,
         entry: &Entry<'_>,
         channels: C,
@@ -412,8 +412,7 @@ impl Media for Overlapping<'_> {
 
     fn flight<R: Rng>(
         &self,
-        (ray, t_max): (&Ray, f64),
-
+        Leg { ray, t_max, .. }: Leg<'_>,
         first: Option<[f32; 2]>,
         flown: &mut Flown<f32>,
         _: &mut Together,
@@ -505,8 +504,7 @@ impl Media for Overlapping<'_> {
 
     fn transmittance<R: Rng>(
         &self,
-        ray: &Ray,
-        t_max: f64,
+        Leg { ray, t_max, .. }: Leg<'_>,
         threshold: f32,
         _: Vec3,
         rng: &mut R,

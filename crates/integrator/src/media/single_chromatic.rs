@@ -7,7 +7,7 @@
 //! Measured against weights over channels (spectral tracking): `docs/charts/whole.md`.
 
 use super::single_grey::plain_phase;
-use super::{Collision, Ending, Flown, Media, Parted, Ray, Shadow, Structures};
+use super::{Collision, Ending, Flown, Leg, Media, Parted, Ray, Shadow, Structures};
 use glam::{DVec3, Vec3};
 use pileus_media::random::uniform;
 use pileus_media::transmittance::ratio_tracking_with_roulette;
@@ -41,8 +41,7 @@ impl<V: Voxel, S: Structures> Media for SingleChromatic<'_, V, S> {
     #[inline(always)]
     fn flight<R: Rng>(
         &self,
-        (ray, t_max): (&Ray, f64),
-
+        Leg { ray, t_max, .. }: Leg<'_>,
         first: Option<[f32; 2]>,
         flown: &mut Flown<Vec3>,
         others: &mut Parted<Vec3>,
@@ -117,8 +116,7 @@ impl<V: Voxel, S: Structures> Media for SingleChromatic<'_, V, S> {
     #[inline(always)]
     fn transmittance<R: Rng>(
         &self,
-        ray: &Ray,
-        t_max: f64,
+        Leg { ray, t_max, .. }: Leg<'_>,
         threshold: f32,
         beta: Vec3,
         rng: &mut R,

@@ -1,7 +1,7 @@
 //! One grid of grey extinction: the kernel of most clouds. No channels, no list of media, no choice of voxel type, no phase
 //! functions but isotropic and Henyey-Greenstein.
 
-use super::{Collision, Flown, Media, Methods, Ray, Shadow, Together};
+use super::{Collision, Flown, Leg, Media, Methods, Ray, Shadow, Together};
 use glam::{DVec3, Vec3};
 use pileus_media::distance::{DistanceSampler, Flight, delta_tracking};
 use pileus_media::transmittance::{Estimator, ratio_tracking_with_roulette};
@@ -115,8 +115,7 @@ impl<V: Voxel, S: Structures> Media for SingleGrey<'_, V, S> {
     #[inline(always)]
     fn flight<R: Rng>(
         &self,
-        (ray, t_max): (&Ray, f64),
-
+        Leg { ray, t_max, .. }: Leg<'_>,
         first: Option<[f32; 2]>,
         flown: &mut Flown<f32>,
         _: &mut Together,
@@ -150,8 +149,7 @@ impl<V: Voxel, S: Structures> Media for SingleGrey<'_, V, S> {
     #[inline(always)]
     fn transmittance<R: Rng>(
         &self,
-        ray: &Ray,
-        t_max: f64,
+        Leg { ray, t_max, .. }: Leg<'_>,
         threshold: f32,
         _: Vec3,
         rng: &mut R,

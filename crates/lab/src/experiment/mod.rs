@@ -1,5 +1,6 @@
 //! Experiments: what is measured, on what, and how it is judged.
 
+mod laws;
 mod majorants;
 mod measure;
 mod rays;
@@ -7,6 +8,7 @@ mod render;
 mod stability;
 mod transmittance;
 
+pub use laws::{Levels, chart_laws};
 pub use majorants::chart_majorants;
 pub use measure::{Moments, Samples};
 pub use rays::{LabRay, RayClass, classed_rays};

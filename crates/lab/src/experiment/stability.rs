@@ -1,5 +1,6 @@
 //! Where methods break: every transmittance estimator and every sampler of flights against every stress.
 
+use super::laws::Levels;
 use super::measure::Samples;
 use crate::Error;
 use crate::chart::{Axis, Cell, Chart, Plot, Provenance, Series, Table};
@@ -8,11 +9,12 @@ use glam::{DAffine3, DQuat, DVec3, Vec3};
 use pileus_film::{Film, Filter};
 use pileus_integrator::{Distance, Plan, RenderSettings, Transmittance, Unmonitored, render};
 use pileus_media::distance::{DistanceSampler, Equiangular, Flight};
+use pileus_media::law::{Law, Passage, Power, Start};
 use pileus_media::phase::ISOTROPIC;
-use pileus_media::transmittance::Estimator;
+use pileus_media::transmittance::{Estimator, Telescope, debiased_under_law, exact_under_law};
 use pileus_media::{
     Albedo, Channels, ExactField, Grey, GridMedium, HomogeneousMedium, Interpolation, Medium,
-    Phase, Relative, Spectrum, Tally, VoxelGrid, VoxelGridOptions, optical_depth,
+    Phase, Relative, Scaled, Spectrum, Tally, VoxelGrid, VoxelGridOptions, optical_depth,
 };
 use pileus_scene::{
     Camera, Environment, EnvironmentImage, Light, Point, Scene, Volume, VolumeSource,
@@ -97,8 +99,26 @@ pub struct Stability {
     pub cells: Vec<StabilityCell>,
 }
 
+/// Transmittance under a power law of `k = 2`, from a place.
+#[derive(Clone, Copy, PartialEq)]
+enum LawMethod {
+    /// The law of the exact depth.
+    Regular,
+    /// Ratio tracking at a drawn rate.
+    Ratio,
+    /// A telescoping series that goes deeper with a probability of `2^-c`.
+    Debiased(f64),
+}
+
+impl LawMethod {
+    /// The last goes deeper so rarely that its variance is infinite.
+    const ALL: [LawMethod; 4] =
+        [LawMethod::Regular, LawMethod::Ratio, LawMethod::Debiased(1.5), LawMethod::Debiased(5.0)];
+}
+
 #[derive(Clone, Copy, PartialEq)]
 enum Method {
+    UnderLaw(LawMethod),
     Transmittance(Estimator),
     Distance(DistanceSampler),
     Equiangular,
@@ -108,7 +128,8 @@ impl Method {
     fn all() -> Vec<Method> {
         let estimators = Estimator::ALL.into_iter().map(Method::Transmittance);
         let samplers = DistanceSampler::ALL.into_iter().map(Method::Distance);
-        estimators.chain(samplers).chain([Method::Equiangular]).collect()
+        let laws = LawMethod::ALL.into_iter().map(Method::UnderLaw);
+        estimators.chain(samplers).chain([Method::Equiangular]).chain(laws).collect()
     }
 
     fn name(self) -> String {
@@ -116,6 +137,9 @@ impl Method {
             Method::Transmittance(estimator) => format!("transmittance {}", estimator.name()),
             Method::Distance(sampler) => format!("distance {}", sampler.name()),
             Method::Equiangular => "distance equiangular".to_owned(),
+            Method::UnderLaw(LawMethod::Regular) => "law regular".to_owned(),
+            Method::UnderLaw(LawMethod::Ratio) => "law ratio".to_owned(),
+            Method::UnderLaw(LawMethod::Debiased(c)) => format!("law debiased 2^-{c}"),
         }
     }
 
@@ -123,7 +147,7 @@ impl Method {
         match self {
             Method::Transmittance(estimator) => estimator.is_unbiased(),
             Method::Distance(sampler) => sampler.is_unbiased(),
-            Method::Equiangular => true,
+            Method::Equiangular | Method::UnderLaw(_) => true,
         }
     }
 }
@@ -625,17 +649,64 @@ fn fly<F: ExactField, C: Channels>(
     }
 }
 
+/// Levels whose differences tell whether a series' variance is finite, and differences for each.
+const LEVELS: (u32, u32) = (11, 128);
+
+fn estimate_under_law<F: ExactField, C: Channels>(
+    method: LawMethod,
+    field: impl Fn() -> F,
+    channels: C,
+    depth: f64,
+) -> Result<Outcome, Error> {
+    let law = Law::Power(Power::new(2.0).map_err(Error::Media)?);
+    let passage = Passage { law: &law, start: Start::Uncorrelated };
+    let mut samples = vec![Samples::default(); C::Value::COUNT];
+    let (tally, n) = draw(|rng, tally| {
+        let value = match method {
+            LawMethod::Regular => exact_under_law(&field(), passage, channels, tally),
+            LawMethod::Ratio => {
+                let field = Scaled::new(field(), passage.rate(rng).unwrap_or(1.0));
+                Estimator::Ratio.estimate(field, channels, 0.0, rng, tally)
+            }
+            LawMethod::Debiased(c) => {
+                let telescope = Telescope { deeper: 2f64.powf(-c) as f32, ..Telescope::default() };
+                debiased_under_law(field(), passage, channels, telescope, rng, tally)
+            }
+        };
+        for (c, samples) in samples.iter_mut().enumerate() {
+            samples.push(f64::from(value.channel(c)));
+        }
+    });
+    let exact = |c: usize| {
+        let relative = f64::from(channels.of(1.0).channel(c));
+        if relative == 0.0 { 1.0 } else { passage.survival(relative * depth) }
+    };
+    let samples: Vec<_> = samples.into_iter().enumerate().map(|(c, s)| (s, exact(c))).collect();
+    let mut judged = judge(&samples);
+    if let LawMethod::Debiased(c) = method
+        && !Levels::measured(&field, passage, LEVELS.0, LEVELS.1).variance_is_finite(2f64.powf(-c))
+    {
+        judged.1 = f64::INFINITY;
+    }
+    Ok(Outcome {
+        judged,
+        lookups: tally.lookups as f64 / f64::from(n),
+        steps: tally.majorant_steps as f64 / f64::from(n),
+    })
+}
+
 fn ask<F: ExactField, C: Channels>(
     method: Method,
     field: impl Fn() -> F,
     channels: C,
     depth: f64,
-) -> Outcome {
-    match method {
+) -> Result<Outcome, Error> {
+    Ok(match method {
         Method::Transmittance(estimator) => estimate(estimator, field, channels, depth),
         Method::Distance(sampler) => fly(sampler, field, channels, depth),
         Method::Equiangular => fly(DistanceSampler::Delta, field, channels, depth),
-    }
+        Method::UnderLaw(method) => estimate_under_law(method, field, channels, depth)?,
+    })
 }
 
 fn render_picture(
@@ -661,6 +732,7 @@ fn render_picture(
             ..base
         },
         Method::Equiangular => RenderSettings { distance: Distance::Equiangular, ..base },
+        Method::UnderLaw(_) => base,
     };
     let plan = Plan::new(scene, &settings).map_err(Error::Render)?;
     let [width, height] = scene.camera.resolution();
@@ -755,6 +827,16 @@ fn reason(method: Method, stress: &Stress) -> &'static str {
             DistanceSampler::RayMarching => "extinction taken for constant within a step",
         },
         Method::Equiangular => "points ignore the medium",
+        Method::UnderLaw(LawMethod::Regular) => "exact but for rounding",
+        Method::UnderLaw(LawMethod::Ratio) if broken => {
+            "null ratios change sign where the bound does not hold, the more so at high rates"
+        }
+        Method::UnderLaw(LawMethod::Ratio) => {
+            "as ratio tracking, on thicker media where the rate is high"
+        }
+        Method::UnderLaw(LawMethod::Debiased(_)) => {
+            "infinite variance, as far as sixteen thousand teeth show: levels are chosen more rarely than their differences shrink, or the rarer ones carry what the coarse ones miss"
+        }
     }
 }
 
@@ -779,10 +861,14 @@ fn cell(method: Method, stress: &Stress) -> Result<StabilityCell, Error> {
         let reason = "no point light that points could be aimed at: the plan flies";
         return Ok(StabilityCell { reason, ..blank });
     }
+    if matches!((method, &stress.subject), (Method::UnderLaw(_), Subject::Picture(..))) {
+        let reason = "expectations of pictures are those of the exponential law";
+        return Ok(StabilityCell { reason, ..blank });
+    }
     let outcome = match &stress.subject {
-        Subject::Profile(case) => ask(method, || case.ray(), Grey, case.optical_depth()),
+        Subject::Profile(case) => ask(method, || case.ray(), Grey, case.optical_depth())?,
         Subject::Chromatic(case, relative) => {
-            ask(method, || case.ray(), Relative(*relative), case.optical_depth())
+            ask(method, || case.ray(), Relative(*relative), case.optical_depth())?
         }
         Subject::Grid(medium, origin, direction) => {
             let d = direction.as_dvec3();
@@ -791,11 +877,11 @@ fn cell(method: Method, stress: &Stress) -> Result<StabilityCell, Error> {
                 what: format!("{}: the ray misses the grid", stress.name),
                 remedy: "aim the ray at it",
             })?;
-            ask(method, || medium.any_ray(&span), Grey, depth)
+            ask(method, || medium.any_ray(&span), Grey, depth)?
         }
         Subject::Homogeneous(medium, length) => {
             let depth = f64::from(medium.scale()) * f64::from(*length);
-            ask(method, || medium.ray(*length), Grey, depth)
+            ask(method, || medium.ray(*length), Grey, depth)?
         }
         Subject::Picture(scene, expected, max_bounces) => {
             render_picture(method, scene, expected, *max_bounces)?
@@ -909,7 +995,9 @@ impl Stability {
              - **biased**: a method that is named biased, and is caught.\n\
              - **fails**: wrong by more than {Z_LIMIT} standard errors, off by more than half (what matters was never sampled), a standard deviation above {FAILS} times the \
              value, or an estimate that is not finite.\n\
-             - **refused**: the plan does not run it there.\n\n\
+             - **refused**: the plan does not run it there, or there is nothing to compare it with.\n\n\
+             A telescoping series fails also where its variance is infinite: where the mean squares of its differences fall more slowly than the probabilities of its levels, \
+             as far as sixteen thousand teeth show.\n\n\
              {} cells are ok, {} noisy, {} biased, {} fail, {} are refused. Transmittances below {SMALLEST:e}, where single precision ends, are not asked for: there zero is ok. \
              Every figure is in [stability.csv](stability.csv).\n\n",
             count(Verdict::Ok),
@@ -919,7 +1007,11 @@ impl Stability {
             count(Verdict::Refused),
         );
         let matrix = self.matrix();
-        for (title, kind) in [("Transmittance", "transmittance "), ("Distances", "distance ")] {
+        for (title, kind) in [
+            ("Transmittance", "transmittance "),
+            ("Distances", "distance "),
+            ("Transmittance under a power law of k 2", "law "),
+        ] {
             let keep: Vec<usize> = (0..matrix.columns.len())
                 .filter(|i| *i == 0 || matrix.columns[*i].starts_with(kind))
                 .collect();

@@ -11,6 +11,23 @@ fn transmittance<C: Channels>(channels: C, depth: f64) -> C::Value {
     channels.of(depth as f32).map(|d| if d > 0.0 { -d } else { 0.0 }).exp()
 }
 
+/// A channel, in proportion to the throughput; equal shares if there is none.
+pub(super) fn choose_channel<S: Spectrum, R: Rng + ?Sized>(beta: S, rng: &mut R) -> usize {
+    if S::COUNT == 1 {
+        return 0;
+    }
+    let total: f32 = (0..S::COUNT).map(|c| beta.channel(c).abs()).sum();
+    let mut u = uniform(rng) * if total > 0.0 { total } else { S::COUNT as f32 };
+    for c in 0..S::COUNT {
+        let share = if total > 0.0 { beta.channel(c).abs() } else { 1.0 };
+        if u < share {
+            return c;
+        }
+        u -= share;
+    }
+    S::COUNT - 1
+}
+
 /// Flies until the optical depth reaches `drawn`, an exponential variate of mean one. `t_at_depth`: the ray parameter up to which the field's
 /// optical depth is that of its argument, or the depth of the whole ray if it is less.
 ///
@@ -25,23 +42,7 @@ pub(super) fn fly_by_depth<C: Channels, R: Rng + ?Sized>(
     t_at_depth: impl FnOnce(f64, &mut Tally) -> Result<f32, f64>,
 ) -> WeightedFlight<C::Value> {
     let relative = channels.of(1.0);
-    let channel = if C::Value::COUNT == 1 {
-        0
-    } else {
-        // Shares of the throughput, equal if there is none.
-        let total: f32 = (0..C::Value::COUNT).map(|c| beta.channel(c).abs()).sum();
-        let mut u = uniform(rng) * if total > 0.0 { total } else { C::Value::COUNT as f32 };
-        let mut chosen = C::Value::COUNT - 1;
-        for c in 0..C::Value::COUNT {
-            let share = if total > 0.0 { beta.channel(c).abs() } else { 1.0 };
-            if u < share {
-                chosen = c;
-                break;
-            }
-            u -= share;
-        }
-        chosen
-    };
+    let channel = choose_channel(beta, rng);
     let depth = f64::from(drawn) / f64::from(relative.channel(channel));
     match t_at_depth(depth, tally) {
         // A channel without extinction never collides.

@@ -10,6 +10,7 @@ mod regular;
 mod sampler;
 mod spectral;
 mod tracking;
+mod under_law;
 mod weighted_delta;
 
 pub use decomposition::decomposition_tracking;
@@ -20,6 +21,7 @@ pub use ray_marching::{MARCHING_STEPS, ray_marching_flight};
 pub use regular::regular_flight;
 pub use sampler::DistanceSampler;
 pub use spectral::{real_probability, spectral_tracking};
+pub use under_law::regular_flight_under_law;
 pub use weighted_delta::weighted_delta_tracking;
 
 /// How a free flight ended.

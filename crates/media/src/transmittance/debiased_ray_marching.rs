@@ -13,7 +13,7 @@ use rand_core::Rng;
 pub const DEBIASED_TEETH: u32 = 8;
 
 /// Probability of going to the next level: `2^(-3/2)`, between the doubling of the work and the decay of the differences.
-const DEEPER: f32 = 0.353_553_4;
+pub(super) const DEEPER: f32 = 0.353_553_4;
 
 /// An unbiased estimate of the transmittance, which may exceed one or be negative; without variance for constant extinction.
 ///

@@ -13,6 +13,7 @@ mod regular;
 mod residual_ratio;
 mod taylor;
 mod unbiased_ray_marching;
+mod under_law;
 mod volterra;
 
 pub use bidirectional::{BIDIRECTIONAL_STRETCH, bidirectional};
@@ -28,4 +29,5 @@ pub(crate) use regular::{ray_depth, ray_t_at_depth};
 pub use residual_ratio::{Control, residual_ratio_tracking};
 pub use taylor::{TAYLOR_STRETCH, TaylorOrder, taylor};
 pub use unbiased_ray_marching::unbiased_ray_marching;
+pub use under_law::{Telescope, debiased_under_law, exact_under_law, telescope_difference};
 pub use volterra::{VOLTERRA_STRETCH, volterra};

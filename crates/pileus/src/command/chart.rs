@@ -8,7 +8,7 @@ use pileus_lab::ProfileCase;
 use pileus_lab::chart::Chart;
 use pileus_lab::experiment::{
     RenderExperiment, RenderMethod, Subject, TransmittanceMethod, TransmittanceSettings,
-    chart_majorants, chart_render, chart_transmittance, classed_rays, stability,
+    chart_laws, chart_majorants, chart_render, chart_transmittance, classed_rays, stability,
 };
 use pileus_media::Medium;
 use pileus_scene::json::Document;
@@ -35,6 +35,7 @@ pub(crate) fn run(options: &ChartOptions, report: &Report) -> Result<(), Failure
         Experiment::Render(options) => render(options, report),
         Experiment::Majorants(options) => majorants(options, report),
         Experiment::Stability(options) => stability_chart(options, report),
+        Experiment::Laws(options) => write(&chart_laws()?, &options.output, report),
     }
 }
 

@@ -1,0 +1,71 @@
+//! Flights under a law that is not exponential: the law's depth is drawn and inverted exactly.
+
+use super::depth::choose_channel;
+use super::{Flight, WeightedFlight};
+use crate::channels::{Channels, Spectrum};
+use crate::field::ExactField;
+use crate::law::Passage;
+use crate::tally::Tally;
+use rand_core::Rng;
+
+/// Flies until the optical depth reaches one drawn from the law of `passage`. `drawn`: an exponential variate.
+///
+/// Exact: the collision has the density `p_u` or `p_c` of the law times the extinction, the escape the survival `X_u` or `X_c`. Null collisions do not apply: the law has a memory. With several
+/// channels the depth is drawn for one, chosen in proportion to the throughput, and weighted by the mean over channels of the densities that all would have had (balance heuristic);
+/// where the law has an atom, which channels do not share, a collision counts for the chosen channel alone. Cost: every voxel on the way.
+pub fn regular_flight_under_law<F: ExactField, C: Channels, R: Rng + ?Sized>(
+    field: &F,
+    passage: Passage<'_>,
+    channels: C,
+    beta: C::Value,
+    drawn: f32,
+    rng: &mut R,
+    tally: &mut Tally,
+) -> WeightedFlight<C::Value> {
+    let relative = channels.of(1.0);
+    let channel = choose_channel(beta, rng);
+    // Infinite for a channel without extinction, which never collides.
+    let depth = passage.depth(f64::from(drawn)) / f64::from(relative.channel(channel));
+    let whole = match field.t_at_depth(depth, tally) {
+        Ok(t) if depth < f64::INFINITY => {
+            tally.collisions += 1;
+            let density = relative.map(|r| {
+                if r > 0.0 {
+                    (f64::from(r) * passage.density(f64::from(r) * depth)) as f32
+                } else {
+                    0.0
+                }
+            });
+            let mean = density.mean_by(beta);
+            let weight = if C::Value::COUNT == 1 {
+                C::Value::ONE
+            } else if passage.has_atom() || !(mean > 0.0) {
+                alone(channel, beta)
+            } else {
+                density * (1.0 / mean)
+            };
+            return WeightedFlight { flight: Flight::Collision(t), weight, null_probability: 1.0 };
+        }
+        Ok(_) => f64::INFINITY,
+        Err(whole) => whole,
+    };
+    let survival =
+        relative.map(|r| if r > 0.0 { passage.survival(f64::from(r) * whole) as f32 } else { 1.0 });
+    let mean = survival.mean_by(beta);
+    let weight = if C::Value::COUNT == 1 {
+        C::Value::ONE
+    } else if mean > 0.0 {
+        survival * (1.0 / mean)
+    } else {
+        C::Value::ZERO
+    };
+    WeightedFlight { flight: Flight::Escape, weight, null_probability: 1.0 }
+}
+
+/// One over the probability of the chosen channel, in that channel alone.
+fn alone<S: Spectrum>(channel: usize, beta: S) -> S {
+    let total: f32 = (0..S::COUNT).map(|c| beta.channel(c).abs()).sum();
+    let share =
+        if total > 0.0 { beta.channel(channel).abs() / total } else { 1.0 / S::COUNT as f32 };
+    S::one_channel(channel, 1.0 / share)
+}

@@ -1,0 +1,167 @@
+//! Mixtures of laws: rays of which each follows one of several.
+
+use super::invert::depth_of;
+use super::{Law, Start};
+use crate::Error;
+use crate::elementary::exp_f64;
+use crate::random::uniform;
+use rand_core::Rng;
+use std::fmt;
+
+/// One law of a mixture.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Component {
+    /// Its share of rays that start at a place: positive.
+    pub weight: f64,
+    /// Factor on the optical depth: positive.
+    pub rate: f64,
+    /// The law; `None` is the exponential one. No mixture.
+    pub law: Option<Law>,
+}
+
+impl Component {
+    /// Probability per unit of depth of a collision at the very start, from a place.
+    fn slope(&self) -> f64 {
+        self.rate / self.law.as_ref().map_or(1.0, Law::mean_free_path)
+    }
+
+    fn survival(&self, start: Start, tau: f64) -> f64 {
+        // Infinite depth under any rate.
+        let depth = self.rate * tau;
+        self.law.as_ref().map_or_else(|| exp_f64(-depth), |law| law.survival(start, depth))
+    }
+
+    fn density(&self, start: Start, tau: f64) -> f64 {
+        let depth = self.rate * tau;
+        let density = match &self.law {
+            None => exp_f64(-depth),
+            Some(law) => law.density(start, depth),
+        };
+        self.rate * density
+    }
+}
+
+/// `T(tau) = sum of weight T_i(rate tau)`: any convex combination of laws is a law.
+///
+/// Blends with the exponential law, sums of exponentials, mixtures of gamma-distributed rates or stages. A ray from a particle belongs to component `i`
+/// in proportion to `weight_i rate_i / l_i`: what collides often starts often.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Mixture {
+    components: Vec<Component>,
+    /// Shares of rays from a particle.
+    correlated: Vec<f64>,
+    mean_free_path: f64,
+}
+
+/// Most laws of a mixture.
+const MOST_COMPONENTS: usize = 64;
+
+impl Mixture {
+    /// A mixture; weights are divided by their sum.
+    ///
+    /// # Errors
+    /// If there is no component or more than 64, if a weight or rate is not a positive number, or if a component is a mixture itself.
+    pub fn new(mut components: Vec<Component>) -> Result<Mixture, Error> {
+        if components.is_empty() || components.len() > MOST_COMPONENTS {
+            return Err(Error::invalid(
+                format!("a mixture of {} laws", components.len()),
+                format!("give from 1 to {MOST_COMPONENTS}"),
+            ));
+        }
+        for Component { weight, rate, law } in &components {
+            if !(*weight > 0.0 && *weight <= 1e9 && *rate > 1e-9 && *rate <= 1e9) {
+                return Err(Error::invalid(
+                    format!("a component of a mixture has the weight {weight} and the rate {rate}"),
+                    "give positive numbers, at most 1e9",
+                ));
+            }
+            if matches!(law, Some(Law::Mixture(_))) {
+                return Err(Error::invalid(
+                    "a component of a mixture is a mixture",
+                    "write its components into the outer one, weights multiplied",
+                ));
+            }
+        }
+        let total: f64 = components.iter().map(|c| c.weight).sum();
+        for component in &mut components {
+            component.weight /= total;
+        }
+        let slope: f64 = components.iter().map(|c| c.weight * c.slope()).sum();
+        let correlated = components.iter().map(|c| c.weight * c.slope() / slope).collect();
+        Ok(Mixture { components, correlated, mean_free_path: 1.0 / slope })
+    }
+
+    /// The laws; weights add up to one.
+    pub fn components(&self) -> &[Component] {
+        &self.components
+    }
+
+    fn shares(&self, start: Start) -> impl Iterator<Item = (f64, &Component)> {
+        let share = move |(component, correlated): (&Component, &f64)| match start {
+            Start::Uncorrelated => component.weight,
+            Start::Correlated => *correlated,
+        };
+        self.components.iter().zip(&self.correlated).map(move |pair| (share(pair), pair.0))
+    }
+
+    pub(super) fn survival(&self, start: Start, tau: f64) -> f64 {
+        self.shares(start).map(|(share, c)| share * c.survival(start, tau)).sum()
+    }
+
+    pub(super) fn density(&self, start: Start, tau: f64) -> f64 {
+        self.shares(start).map(|(share, c)| share * c.density(start, tau)).sum()
+    }
+
+    pub(super) fn depth(&self, start: Start, drawn: f64) -> f64 {
+        depth_of(drawn, |tau| self.survival(start, tau), |tau| self.density(start, tau))
+    }
+
+    pub(super) fn mean_free_path(&self) -> f64 {
+        self.mean_free_path
+    }
+
+    pub(super) fn has_atom(&self, start: Start) -> bool {
+        self.components.iter().any(|c| c.law.as_ref().is_some_and(|law| law.has_atom(start)))
+    }
+
+    pub(super) fn is_mixture_of_exponentials(&self) -> bool {
+        let is = |law: &Option<Law>| law.as_ref().is_none_or(Law::is_mixture_of_exponentials);
+        self.components.iter().all(|c| is(&c.law))
+    }
+
+    pub(super) fn rate<R: Rng + ?Sized>(&self, start: Start, rng: &mut R) -> Option<f32> {
+        let mut u = f64::from(uniform(rng));
+        let mut chosen = None;
+        for (share, component) in self.shares(start) {
+            chosen = Some(component);
+            if u < share {
+                break;
+            }
+            u -= share;
+        }
+        let component = chosen?;
+        let own = match &component.law {
+            None => 1.0,
+            Some(law) => law.rate(start, rng)?,
+        };
+        Some(component.rate as f32 * own)
+    }
+}
+
+impl fmt::Display for Mixture {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("mixture of ")?;
+        for (i, Component { weight, rate, law }) in self.components.iter().enumerate() {
+            let and = if i > 0 { ", " } else { "" };
+            write!(f, "{and}{weight:.4} ")?;
+            match law {
+                None => f.write_str("exponential")?,
+                Some(law) => write!(f, "({law})")?,
+            }
+            if *rate != 1.0 {
+                write!(f, " at rate {rate}")?;
+            }
+        }
+        Ok(())
+    }
+}
