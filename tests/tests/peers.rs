@@ -112,7 +112,8 @@ fn plume() {
     check("plume", 64);
 }
 
+/// Where the plume ends, single paths in a block meet it: how much they vary is not known from fewer.
 #[test]
 fn plume_chromatic() {
-    check("plume_chromatic", 64);
+    check("plume_chromatic", 256);
 }
