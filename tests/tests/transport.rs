@@ -4,7 +4,8 @@
 use glam::{DVec3, Vec3};
 use pileus_film::Film;
 use pileus_integrator::{
-    Distance, LightSampling, Plan, RenderSettings, Transmittance, Unmonitored, render,
+    Distance, LightSampling, Plan, RenderSettings, ShadowRoulette, Transmittance, Unmonitored,
+    render,
 };
 use pileus_media::distance::DistanceSampler;
 use pileus_media::phase::ISOTROPIC;
@@ -597,4 +598,45 @@ fn clamped_samples_are_bounded_and_confessed() {
     assert!(met > 20, "{met}");
     assert_eq!((clamped.counters.clamped, free.counters.clamped), (met, 0));
     assert!(Plan::new(&scene, &limited).unwrap().biased[0].contains("clamp"));
+}
+
+/// Shadow rays by what a pilot expects: the picture of importance alone, grey, per channel and of several media, under a sun, a disc and a bright sky; the same
+/// bits on any number of threads. Few scatterings make it the plan's choice.
+#[test]
+fn expected_shadows_change_no_mean() {
+    let expected =
+        |seed| RenderSettings { shadow_roulette: ShadowRoulette::Expected, ..settings(128, seed) };
+    let importance = |seed| RenderSettings {
+        shadow_roulette: ShadowRoulette::Importance,
+        ..settings(128, seed)
+    };
+    let texels = (0..32 * 16).map(|i| if i == 40 { [200.0; 3] } else { [0.2; 3] }).collect();
+    let sky = Arc::new(EnvironmentImage::new(32, 16, texels, 1.0, 0.0).unwrap());
+    for (i, sigma_t) in [[0.4f32; 3], [6.0; 3], [2.0, 0.5, 0.0]].into_iter().enumerate() {
+        for two in [false, true] {
+            let mut media = vec![lumpy_grid(1.0, sigma_t, [0.95, 0.9, 0.6], hg(0.6))];
+            if two {
+                media.push(cube_homogeneous(1.3, [0.2; 3], [0.9; 3], hg(0.0)));
+            }
+            let mut scene = scene(media, EYE, DVec3::ZERO, 30.0);
+            scene.lights.push(sun(
+                Vec3::new(0.5, 0.8, -0.3),
+                Vec3::splat(2.0),
+                if two { 5.0 } else { 0.0 },
+            ));
+            scene.environment.image = Some(Arc::clone(&sky));
+            let plan = Plan::new(&scene, &settings(1, 1)).unwrap();
+            let thin = i == 0 && !two;
+            let chosen = plan.reasons.iter().any(|reason| reason.contains("by what a pilot"));
+            assert!(!thin || chosen, "{:?}", plan.reasons);
+            let seed = 20 + 4 * i as u64 + 2 * u64::from(two);
+            let by_expectation = rendered(&scene, &expected(seed));
+            assert_same("expected", &by_expectation, &rendered(&scene, &importance(seed + 1)));
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build().unwrap();
+            let again = pool.install(|| rendered(&scene, &expected(seed)));
+            for c in ["R", "G", "B"] {
+                assert!(by_expectation.image.channel(c) == again.image.channel(c));
+            }
+        }
+    }
 }

@@ -4,6 +4,7 @@
 mod cost;
 mod counters;
 mod error;
+mod expected;
 mod interior;
 mod lights;
 mod media;
@@ -23,4 +24,4 @@ pub use pilot::Pilot;
 pub use plan::{Plan, PlannedVolume};
 pub use render::{Monitor, Unmonitored, render, sample_pixel};
 pub use sampler::PathSampler;
-pub use settings::{Distance, LightSampling, RenderSettings, Transmittance};
+pub use settings::{Distance, LightSampling, RenderSettings, ShadowRoulette, Transmittance};

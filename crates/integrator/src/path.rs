@@ -14,6 +14,7 @@
 //! Equiangular points near point-like lights [Kulla and Fajardo 2012] are weighted against flights by a density that stands for theirs.
 
 use crate::counters::Counters;
+use crate::expected::Expected;
 use crate::interior::{self, Inside};
 use crate::lights::{Guide, Lights};
 use crate::media::{Ending, Flown, Leg, Media, Ray, Start};
@@ -65,6 +66,8 @@ pub(crate) struct Kernel<'a, M, W> {
     pub(crate) analog_flights: bool,
     /// The bodies that the camera is in.
     pub(crate) inside: Inside,
+    /// What shadow rays may bring, where the plan has asked a pilot.
+    pub(crate) expected: Option<&'a Expected>,
 }
 
 /// Where the last flight began, for the weights of light it may run into.
@@ -148,6 +151,8 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         // Of the channels, those whose first flight ends on this branch.
         let mut share = if begun == 0 { 1.0 } else { 0.0 };
         let mut inside = if W::WHOLE { self.inside.clone() } else { Inside::new() };
+        // Radiance expected after the first scattering.
+        let mut expected_first = 1.0;
         // What directions drawn by fires have put on the throughput.
         let mut drawn = 1.0f32;
         let mut start: Start = None;
@@ -296,7 +301,13 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
                 None
             };
             if scatters && !self.lights.is_empty() {
-                let flight = Flight { ray: &ray, part, in_medium };
+                if !W::WHOLE
+                    && bounces == 1
+                    && let Some(expected) = self.expected
+                {
+                    expected_first = expected.radiance(p);
+                }
+                let flight = Flight { ray: &ray, part, in_medium, expected_first };
                 let shading = Shading {
                     p,
                     vertex: &vertex,
@@ -524,7 +535,12 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         // What a surface sends on is as dark as its albedo: noise is judged by that, not by absolute light.
         let importance =
             if at.flight.in_medium { importance } else { importance.max(at.strongest) };
-        let survive = (importance / SHADOW_IMPORTANCE).min(1.0);
+        let mut survive = (importance / SHADOW_IMPORTANCE).min(1.0);
+        if !W::WHOLE
+            && let Some(expected) = self.expected
+        {
+            survive = expected.survive(at.p, at.flight.expected_first, importance, survive);
+        }
         if survive < 1.0 && u[1] >= survive {
             return Vec3::ZERO;
         }
@@ -691,6 +707,8 @@ struct Flight<'a> {
     part: Option<(f64, f64)>,
     /// Whether the vertex lies in a medium, where such a point might have been.
     in_medium: bool,
+    /// Radiance that the path was expected to bring after its first scattering.
+    expected_first: f32,
 }
 
 /// A vertex at which light is gathered.

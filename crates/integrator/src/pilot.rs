@@ -140,6 +140,7 @@ impl Pilot {
                     typical_sigma_t: 1.0,
                     analog_flights: plan.analog_flights,
                     inside: Inside::new(),
+                    expected: None,
                 };
                 // A lattice of rank one covers the picture evenly whatever the number of paths.
                 let at = |step: f64, n: u32| (f64::from(i) * step).fract() * f64::from(n);

@@ -2,10 +2,11 @@
 
 use crate::Error;
 use crate::cost::PathCost;
+use crate::expected::Expected;
 use crate::lights::Lights;
 use crate::media::{MediaIndex, Methods};
 use crate::pilot::Pilot;
-use crate::settings::{Distance, RenderSettings, Transmittance};
+use crate::settings::{Distance, RenderSettings, ShadowRoulette, Transmittance};
 use crate::thickness::typical_depth;
 use pileus_media::distance::DistanceSampler;
 use pileus_media::law::Law;
@@ -94,6 +95,9 @@ pub struct Plan {
     pub(crate) methods: Methods,
     #[serde(skip)]
     pub(crate) media: PlannedMedia,
+    /// What shadow rays may bring, where a pilot was asked.
+    #[serde(skip)]
+    pub(crate) expected: Option<Arc<Expected>>,
     /// Factor on the majorants of grids.
     pub majorant_scale: f32,
     /// What makes the mean of the image differ from the truth, by its settings' names.
@@ -293,6 +297,7 @@ impl Plan {
                 ),
             methods,
             media: prepare(scene, settings)?,
+            expected: None,
             majorant_scale: settings.majorant_scale,
             biased,
             majorants: settings.majorants.name(),
@@ -302,6 +307,7 @@ impl Plan {
             reasons,
             not_modelled: scene.not_modelled.clone(),
         };
+        plan.expect(scene, settings, &lights);
         let tracked = matches!(
             methods.distance,
             DistanceSampler::Delta | DistanceSampler::Spectral | DistanceSampler::WeightedDelta
@@ -322,6 +328,39 @@ impl Plan {
         Ok(plan)
     }
 
+    /// Asks a pilot what shadow rays may bring, where that pays.
+    fn expect(&mut self, scene: &Scene, settings: &RenderSettings, lights: &Lights) {
+        let distant = lights.positions().next().is_none() && !lights.is_empty();
+        let possible = distant
+            && matches!(
+                self.kernel,
+                KernelKind::SingleGrey | KernelKind::SingleChromatic | KernelKind::Overlapping
+            );
+        let asked = settings.shadow_roulette == ShadowRoulette::Expected;
+        if !possible || settings.shadow_roulette == ShadowRoulette::Importance {
+            if asked {
+                self.reasons.push(
+                    "shadow rays are played roulette by importance: expectations are for media alone under distant lights"
+                        .into(),
+                );
+            }
+            return;
+        }
+        let found = Expected::new(scene, &self.media, self.methods, lights, settings.max_bounces);
+        let Some(expected) = found else { return };
+        let scatterings = expected.scatterings();
+        if asked || scatterings < FEW_SCATTERINGS {
+            self.reasons.push(format!(
+                "shadow rays are played roulette by what a pilot expects of them: {scatterings:.2} scatterings a path"
+            ));
+            self.expected = Some(Arc::new(expected));
+        } else {
+            self.reasons.push(format!(
+                "shadow rays are played roulette by importance: {scatterings:.2} scatterings a path, and expectations pay below {FEW_SCATTERINGS}"
+            ));
+        }
+    }
+
     /// Name of the path kernel.
     pub fn kernel_name(&self) -> &'static str {
         match self.kernel {
@@ -334,6 +373,9 @@ impl Plan {
         }
     }
 }
+
+/// Scatterings per path below which shadow rays are played roulette by what a pilot expects of them. Measured: `docs/charts/methods.md`.
+const FEW_SCATTERINGS: f64 = 1.5;
 
 /// Mean optical depth of the media below which points seen by point-like lights at equal angles pay for themselves, where the job leaves the
 /// choice to the plan. Measured: `docs/charts/methods.md`.

@@ -176,6 +176,7 @@ fn dispatch<J: Job>(
                 typical_sigma_t,
                 analog_flights,
                 inside,
+                expected: None,
             });
         }
         let kernel = Kernel {
@@ -187,6 +188,7 @@ fn dispatch<J: Job>(
             typical_sigma_t,
             analog_flights,
             inside,
+            expected: None,
         };
         return if plan.equiangular {
             job.run::<_, _, true, true>(&kernel)
@@ -203,6 +205,7 @@ fn dispatch<J: Job>(
         typical_sigma_t,
         analog_flights,
         inside: Inside::new(),
+        expected: plan.expected.as_deref(),
     };
     run_planned(plan, job, &kernel)
 }
@@ -239,6 +242,7 @@ impl<J: Job, S: Structures> VoxelKernel for On<Single<'_, J>, S> {
                 typical_sigma_t,
                 analog_flights,
                 inside: Inside::new(),
+                expected: plan.expected.as_deref(),
             };
             return run_planned(plan, job, &kernel);
         }
@@ -252,6 +256,7 @@ impl<J: Job, S: Structures> VoxelKernel for On<Single<'_, J>, S> {
             typical_sigma_t,
             analog_flights,
             inside: Inside::new(),
+            expected: plan.expected.as_deref(),
         };
         run_planned(plan, job, &kernel)
     }

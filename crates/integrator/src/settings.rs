@@ -76,6 +76,19 @@ pub enum LightSampling {
     Paths,
 }
 
+/// What decides whether a shadow ray is sent from a point in a medium. The expectation of the picture does not depend on it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ShadowRoulette {
+    /// What the plan finds better for the scene.
+    #[default]
+    Auto,
+    /// The lights' importance and the throughput.
+    Importance,
+    /// These, times the transmittance that a pilot found around the point, over the radiance that the path was expected to bring.
+    Expected,
+}
+
 /// How a scene is to be sampled. The value of a sample depends on these (but for the range), the scene, the pixel and the sample's number.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RenderSettings {
@@ -101,6 +114,8 @@ pub struct RenderSettings {
     /// Of debiased ray marching under laws that are not exponential: level `j` has a probability in proportion to 2 to the power of minus `j` times this. Above 1, else the
     /// work is infinite; where it is too large the variance is.
     pub level_exponent: f64,
+    /// How shadow rays in media are played roulette.
+    pub shadow_roulette: ShadowRoulette,
     /// Which techniques find light that both can meet.
     pub light_sampling: LightSampling,
     /// Largest luminance of a single sample: brighter ones are scaled down to it. **Biased**: light that few paths find is lost. `None`: no limit.
@@ -122,6 +137,7 @@ impl Default for RenderSettings {
             majorant_scale: 1.0,
             shared_kernel: false,
             level_exponent: 1.5,
+            shadow_roulette: ShadowRoulette::Auto,
             light_sampling: LightSampling::Both,
             clamp: None,
             tile_size: 16,

@@ -258,6 +258,10 @@ pub struct SamplingSpec {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("default" = 1.0))]
     pub majorant_scale: Option<f32>,
+    /// What decides whether a shadow ray is sent from a point in a volume. The mean of the image does not depend on it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("default" = "auto"))]
+    pub shadow_roulette: Option<ShadowRouletteSpec>,
     /// Largest luminance that a single sample may have: brighter ones, fireflies, are scaled down to it. Biased: what few paths find is lost; the plan and
     /// the image's metadata say so, with the number of samples it met. null is no limit.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -269,6 +273,20 @@ pub struct SamplingSpec {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("default" = 1.5))]
     pub level_exponent: Option<f64>,
+}
+
+/// What decides whether a shadow ray is sent from a point in a volume; all unbiased.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ShadowRouletteSpec {
+    /// `expected` where paths scatter rarely, else `importance`, by measurement.
+    #[default]
+    Auto,
+    /// What the lights may contribute unshadowed, times the path's throughput.
+    Importance,
+    /// The same, times the transmittance that a pilot of 4096 paths found around the point, over the radiance that the path was
+    /// expected to bring; without surfaces, point lights and light from volumes.
+    Expected,
 }
 
 /// How transmittance is estimated; all but `ray_marching` are unbiased.

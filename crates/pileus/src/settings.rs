@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use glam::{DVec3, Vec3};
 use pileus_film::{Crop, Filter};
-use pileus_integrator::{Distance, RenderSettings, Transmittance};
+use pileus_integrator::{Distance, RenderSettings, ShadowRoulette, Transmittance};
 use pileus_media::MajorantStructure;
 use pileus_media::distance::DistanceSampler;
 use pileus_media::transmittance::Estimator;
@@ -24,7 +24,7 @@ use crate::input::Input;
 use crate::job::{
     CameraSpec, DEFAULT_FILTER_RADIUS, DEFAULT_FOV_Y, DEFAULT_LUMENS_PER_WATT, DEFAULT_SPP,
     DistanceSpec, FilmSpec, FilterKind, FilterSpec, GlassSpec, Job, LightSpec, OutputSpec,
-    SamplingSpec, TransmittanceSpec,
+    SamplingSpec, ShadowRouletteSpec, TransmittanceSpec,
 };
 
 /// Half width of a Blackman-Harris filter of jobs that do not say, pixels.
@@ -411,6 +411,7 @@ fn sampling(job: &Job, filter: Filter, places: &Places) -> Result<RenderSettings
         distance,
         majorants,
         majorant_scale,
+        shadow_roulette,
         clamp,
         level_exponent,
     } = job.sampling.clone().unwrap_or_default();
@@ -494,6 +495,11 @@ fn sampling(job: &Job, filter: Filter, places: &Places) -> Result<RenderSettings
         },
         majorants,
         majorant_scale,
+        shadow_roulette: match shadow_roulette.unwrap_or_default() {
+            ShadowRouletteSpec::Auto => ShadowRoulette::Auto,
+            ShadowRouletteSpec::Importance => ShadowRoulette::Importance,
+            ShadowRouletteSpec::Expected => ShadowRoulette::Expected,
+        },
         clamp,
         level_exponent,
         ..RenderSettings::default()
