@@ -174,9 +174,7 @@ impl PhaseAt<'_> {
                 let one_minus = (1.0 - cos_theta.copysign(cos_theta * g)).max(0.0);
                 henyey_greenstein::value(g.abs(), one_minus)
             }
-            PhaseAt::Mixture(mixture) => eval_mixture(mixture, incoming, wi),
-            PhaseAt::Flakes(ref s) => eval_flakes(s, incoming, wi),
-            PhaseAt::Flake { normal } => eval_flake(normal, wi),
+            other => eval_other(other, incoming, wi),
         }
     }
 
@@ -194,54 +192,48 @@ impl PhaseAt<'_> {
                     henyey_greenstein::value(g.abs(), one_minus),
                 )
             }
-            PhaseAt::Mixture(mixture) => sample_mixture(mixture, u[0]),
-            PhaseAt::Flakes(ref s) => return sample_flakes(s, incoming, u),
-            PhaseAt::Flake { normal } => return sample_flake(normal, u),
+            other => return sample_other(other, incoming, u),
         };
-        let (sin_phi, cos_phi) = sin_cos_turn(u[1]);
-        let (x, y) = basis(incoming);
-        let wi = x * (sin_theta * cos_phi) + y * (sin_theta * sin_phi) + incoming * cos_theta;
-        // One Newton step keeps the direction a unit vector over thousands of scatterings.
-        let wi = wi * (1.5 - 0.5 * wi.length_squared());
-        (wi, pdf)
+        (around(incoming, (cos_theta, sin_theta), u[1]), pdf)
     }
 }
 
-/// Out of line, as its sibling: kernels of clouds by Henyey-Greenstein hold none of it.
+/// The direction at an angle to `axis`, for a number in [0, 1).
+#[inline(always)]
+fn around(axis: Vec3, (cos_theta, sin_theta): (f32, f32), u: f32) -> Vec3 {
+    let (sin_phi, cos_phi) = sin_cos_turn(u);
+    let (x, y) = basis(axis);
+    let wi = x * (sin_theta * cos_phi) + y * (sin_theta * sin_phi) + axis * cos_theta;
+    // One Newton step keeps the direction a unit vector over thousands of scatterings.
+    wi * (1.5 - 0.5 * wi.length_squared())
+}
+
+/// Out of line, as its sibling: kernels of clouds by Henyey-Greenstein hold none of it. By value, so that theirs need not be in memory.
 #[inline(never)]
-fn eval_mixture(mixture: &Mixture, incoming: Vec3, wi: Vec3) -> f32 {
-    mixture.eval(Cosine::between(incoming, wi))
+fn eval_other(phase: PhaseAt<'_>, incoming: Vec3, wi: Vec3) -> f32 {
+    match phase {
+        PhaseAt::Mixture(mixture) => mixture.eval(Cosine::between(incoming, wi)),
+        PhaseAt::Flakes(s) => s.specular(incoming, wi),
+        PhaseAt::Flake { normal } => normal.dot(wi).max(0.0) * FRAC_1_PI,
+        plain => plain.eval(incoming, wi),
+    }
 }
 
 #[inline(never)]
-fn eval_flakes(s: &Sggx, incoming: Vec3, wi: Vec3) -> f32 {
-    s.specular(incoming, wi)
-}
-
-#[inline(never)]
-fn sample_flakes(s: &Sggx, incoming: Vec3, u: [f32; 2]) -> (Vec3, f32) {
-    s.sample_specular(incoming, u)
-}
-
-#[inline(never)]
-fn eval_flake(normal: Vec3, wi: Vec3) -> f32 {
-    normal.dot(wi).max(0.0) * FRAC_1_PI
-}
-
-#[inline(never)]
-fn sample_flake(normal: Vec3, u: [f32; 2]) -> (Vec3, f32) {
-    let (sin_phi, cos_phi) = sin_cos_turn(u[1]);
-    let (x, y) = basis(normal);
-    let (sin, cos) = (u[0].sqrt(), (1.0 - u[0]).sqrt());
-    let wi = (x * (sin * cos_phi) + y * (sin * sin_phi) + normal * cos).normalize();
-    (wi, eval_flake(normal, wi))
-}
-
-/// Cosine, sine and density.
-#[inline(never)]
-fn sample_mixture(mixture: &Mixture, u: f32) -> (f32, f32, f32) {
-    let cosine = mixture.sample(u);
-    (cosine.value(), cosine.sine(), mixture.eval(cosine))
+fn sample_other(phase: PhaseAt<'_>, incoming: Vec3, u: [f32; 2]) -> (Vec3, f32) {
+    match phase {
+        PhaseAt::Mixture(mixture) => {
+            let cosine = mixture.sample(u[0]);
+            let wi = around(incoming, (cosine.value(), cosine.sine()), u[1]);
+            (wi, mixture.eval(cosine))
+        }
+        PhaseAt::Flakes(s) => s.sample_specular(incoming, u),
+        PhaseAt::Flake { normal } => {
+            let wi = around(normal, ((1.0 - u[0]).sqrt(), u[0].sqrt()), u[1]);
+            (wi, normal.dot(wi).max(0.0) * FRAC_1_PI)
+        }
+        plain => plain.sample(incoming, u),
+    }
 }
 
 /// Two unit vectors that form a right-handed orthonormal basis with the unit vector `n` (Duff et al. 2017).
