@@ -32,7 +32,6 @@ pub(crate) struct Overlapping<'a> {
 }
 
 /// A field of either kind of medium.
-#[expect(clippy::large_enum_variant, reason = "a few on the stack per flight, nearly all grids")]
 pub(super) enum AnyRay<'a> {
     Grid(AnyGridRay<'a>),
     Homogeneous(HomogeneousRay),

@@ -32,7 +32,7 @@ pub enum Roughness {
     /// The same everywhere, in [0.001, 1].
     Constant(f32),
     /// By a grid; values are clamped to [0.001, 1]. The map leads from the index space that is asked in to the grid's own.
-    Grid(VoxelGrid, DAffine3),
+    Grid(Box<(VoxelGrid, DAffine3)>),
 }
 
 impl Roughness {
@@ -41,13 +41,16 @@ impl Roughness {
     /// # Errors
     /// As [`VoxelGrid::from_tree`].
     pub fn from_tree(tree: &Tree<f32>, to_index: DAffine3) -> Result<Roughness, Error> {
-        Ok(Roughness::Grid(voxels(tree)?, snapped(to_index)))
+        Ok(Roughness::Grid(Box::new((voxels(tree)?, snapped(to_index)))))
     }
 
     fn at_index(&self, p_index: DVec3) -> f64 {
         let value = match self {
             Roughness::Constant(roughness) => f64::from(*roughness),
-            Roughness::Grid(grid, to_index) => grid.interpolate(to_index.transform_point3(p_index)),
+            Roughness::Grid(grid) => {
+                let (grid, to_index) = &**grid;
+                grid.interpolate(to_index.transform_point3(p_index))
+            }
         };
         value.clamp(f64::from(MIN_ROUGHNESS), 1.0)
     }
