@@ -3,6 +3,7 @@
 use super::draine::Draine;
 use super::lobe::{Lobe, Mixture};
 use crate::Error;
+use libm::{cos, exp, log, pow, sin, tan};
 
 /// Smallest diameter, micrometres: smaller droplets scatter by Rayleigh's law.
 pub const MIN_DIAMETER: f64 = 0.01;
@@ -40,36 +41,35 @@ impl MieFit {
             ));
         }
         let d = diameter;
-        // Set-up, not sampling: system functions differ in the last digit of f64, which the rounding to f32 removes but for a chance of some 1e-8.
-        let l = d.ln();
+        let l = log(d);
         Ok(if d <= 0.1 {
             MieFit {
                 g_hg: 13.8 * d * d,
-                g_d: 1.1456 * d * (9.29044 * d).sin(),
+                g_d: 1.1456 * d * sin(9.29044 * d),
                 alpha: 250.0,
-                w_d: 0.252977 - 312.983 * d.powf(4.3),
+                w_d: 0.252977 - 312.983 * pow(d, 4.3),
             }
         } else if d < 1.5 {
             let inner = (l - 0.238604) * (l + 1.00667) / (0.507522 - 0.15677 * l);
             MieFit {
                 g_hg: 0.862 - 0.143 * l * l,
-                g_d: 0.379685 * (1.19692 * inner.cos() + 1.37932 * l + 0.0625835).cos() + 0.344213,
+                g_d: 0.379685 * cos(1.19692 * cos(inner) + 1.37932 * l + 0.0625835) + 0.344213,
                 alpha: 250.0,
-                w_d: 0.146209 * (3.38707 * l + 2.11193).cos() + 0.316072 + 0.0778917 * l,
+                w_d: 0.146209 * cos(3.38707 * l + 2.11193) + 0.316072 + 0.0778917 * l,
             }
         } else if d < 5.0 {
             MieFit {
-                g_hg: 0.0604931 * l.ln() + 0.940256,
-                g_d: 0.500411 - 0.081287 / (-2.0 * l + l.tan() + 1.27551),
+                g_hg: 0.0604931 * log(l) + 0.940256,
+                g_d: 0.500411 - 0.081287 / (-2.0 * l + tan(l) + 1.27551),
                 alpha: 7.30354 * l + 6.31675,
-                w_d: 0.026914 * (l - (5.68947 * (l.ln() - 0.0292149)).cos()) + 0.376475,
+                w_d: 0.026914 * (l - cos(5.68947 * (log(l) - 0.0292149))) + 0.376475,
             }
         } else {
             MieFit {
-                g_hg: (-0.0990567 / (d - 1.67154)).exp(),
-                g_d: (-2.20679 / (d + 3.91029) - 0.428934).exp(),
-                alpha: (3.62489 - 8.29288 / (d + 5.52825)).exp(),
-                w_d: (-0.599085 / (d - 0.641583) - 0.665888).exp(),
+                g_hg: exp(-0.0990567 / (d - 1.67154)),
+                g_d: exp(-2.20679 / (d + 3.91029) - 0.428934),
+                alpha: exp(3.62489 - 8.29288 / (d + 5.52825)),
+                w_d: exp(-0.599085 / (d - 0.641583) - 0.665888),
             }
         })
     }

@@ -67,7 +67,7 @@ impl Tabulated {
             .iter()
             .map(|&(angle, _)| match angle {
                 180.0 => 2.0,
-                angle => 2.0 * (angle * (PI / 360.0)).sin().powi(2),
+                angle => 2.0 * libm::sin(angle * (PI / 360.0)).powi(2),
             })
             .collect();
         let (mut total, mut cosine) = (0.0f64, 0.0f64);
