@@ -19,7 +19,7 @@ use rayon::prelude::*;
 /// Cells along the longest edge.
 const CELLS: f64 = 16.0;
 
-/// Paths of the pilot: 0.01 to 0.04 s of processor time.
+/// Paths of the pilot: 2 to 16 ms of processor time.
 const PATHS: u32 = 4096;
 
 /// Scatterings after which a path of the pilot ends: bounds its time.

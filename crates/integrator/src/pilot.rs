@@ -6,7 +6,6 @@
 use crate::Error;
 use crate::counters::Counters;
 use crate::interior::Inside;
-use crate::lights::Lights;
 use crate::media::{Collision, Flown, Leg, Media, MediaIndex, Overlapping, Ray, Shadow, Together};
 use crate::path::Kernel;
 use crate::plan::{Plan, PlannedMedia};
@@ -117,7 +116,6 @@ impl Media for Recorder<'_> {
 impl Pilot {
     /// Traces `paths` paths over a lattice of pixels. The same for every seed of the settings and any number of threads.
     pub fn new(scene: &Scene, plan: &Plan, settings: &RenderSettings, paths: u32) -> Pilot {
-        let lights = Lights::new(scene, settings.light_sampling);
         let fires: Vec<_> = scene.fires().cloned().collect();
         let world = Whole { surfaces: scene.surfaces.as_deref(), fires: &fires };
         let [width, height] = scene.camera.resolution();
@@ -134,7 +132,7 @@ impl Pilot {
                         rays: Mutex::new(Vec::new()),
                     },
                     world,
-                    lights: &lights,
+                    lights: &plan.lights.0,
                     environment: &scene.environment,
                     max_bounces: settings.max_bounces.unwrap_or(u32::MAX),
                     typical_sigma_t: 1.0,

@@ -72,6 +72,17 @@ impl PartialEq for PlannedMedia {
     }
 }
 
+/// The lights that a plan renders by: made once, since fires bring tables.
+#[derive(Debug, Clone)]
+pub(crate) struct PlannedLights(pub(crate) Arc<Lights>);
+
+impl PartialEq for PlannedLights {
+    /// As of [`PlannedMedia`].
+    fn eq(&self, _: &PlannedLights) -> bool {
+        true
+    }
+}
+
 /// Paths of the pilot: some milliseconds; a tenth of error, up to a half where few paths scatter for long (`docs/charts/majorants.md`).
 const PILOT_PATHS: u32 = 512;
 
@@ -95,6 +106,8 @@ pub struct Plan {
     pub(crate) methods: Methods,
     #[serde(skip)]
     pub(crate) media: PlannedMedia,
+    #[serde(skip)]
+    pub(crate) lights: PlannedLights,
     /// What shadow rays may bring, where a pilot was asked.
     #[serde(skip)]
     pub(crate) expected: Option<Arc<Expected>>,
@@ -187,7 +200,7 @@ impl Plan {
                     .to_owned()
             }
         });
-        let lights = Lights::new(scene, settings.light_sampling);
+        let lights = Arc::new(Lights::new(scene, settings.light_sampling));
         let suns = scene.lights.iter().filter(|l| matches!(l, Light::Sun(_))).count();
         let mis = lights.need_mis() || matches!(kernel, KernelKind::Whole | KernelKind::UnderLaw);
         if lights.need_mis() {
@@ -297,6 +310,7 @@ impl Plan {
                 ),
             methods,
             media: prepare(scene, settings)?,
+            lights: PlannedLights(Arc::clone(&lights)),
             expected: None,
             majorant_scale: settings.majorant_scale,
             biased,
@@ -307,7 +321,6 @@ impl Plan {
             reasons,
             not_modelled: scene.not_modelled.clone(),
         };
-        plan.expect(scene, settings, &lights);
         let tracked = matches!(
             methods.distance,
             DistanceSampler::Delta | DistanceSampler::Spectral | DistanceSampler::WeightedDelta
@@ -325,11 +338,13 @@ impl Plan {
             let cost = pilot.cost_on(&plan.media);
             plan.predicted = Some(PathCost::new(cost.collisions, cost.steps, pilot.collisions()));
         }
+        plan.expect(scene, settings);
         Ok(plan)
     }
 
-    /// Asks a pilot what shadow rays may bring, where that pays.
-    fn expect(&mut self, scene: &Scene, settings: &RenderSettings, lights: &Lights) {
+    /// Asks a second pilot what shadow rays may bring, where that pays.
+    fn expect(&mut self, scene: &Scene, settings: &RenderSettings) {
+        let lights = Arc::clone(&self.lights.0);
         let distant = lights.positions().next().is_none() && !lights.is_empty();
         let possible = distant
             && matches!(
@@ -346,7 +361,18 @@ impl Plan {
             }
             return;
         }
-        let found = Expected::new(scene, &self.media, self.methods, lights, settings.max_bounces);
+        let by_importance = |scatterings: f64| {
+            format!(
+                "shadow rays are played roulette by importance: {scatterings:.2} scatterings a path, and expectations pay below {FEW_SCATTERINGS}"
+            )
+        };
+        // Where the first pilot knows the answer, the second is not asked.
+        let known = self.predicted.map(|cost| cost.collisions_per_path);
+        if let Some(scatterings) = known.filter(|n| !asked && *n >= FEW_SCATTERINGS) {
+            self.reasons.push(by_importance(scatterings));
+            return;
+        }
+        let found = Expected::new(scene, &self.media, self.methods, &lights, settings.max_bounces);
         let Some(expected) = found else { return };
         let scatterings = expected.scatterings();
         if asked || scatterings < FEW_SCATTERINGS {
@@ -355,9 +381,7 @@ impl Plan {
             ));
             self.expected = Some(Arc::new(expected));
         } else {
-            self.reasons.push(format!(
-                "shadow rays are played roulette by importance: {scatterings:.2} scatterings a path, and expectations pay below {FEW_SCATTERINGS}"
-            ));
+            self.reasons.push(by_importance(scatterings));
         }
     }
 

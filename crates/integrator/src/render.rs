@@ -3,7 +3,6 @@
 use crate::counters::Counters;
 use crate::error::Error;
 use crate::interior::Inside;
-use crate::lights::Lights;
 use crate::media::{
     AnyStructure, DefaultStructure, Media, Overlapping, Ray, SingleChromatic, SingleGrey,
     Structures, UnderLaw,
@@ -69,12 +68,11 @@ pub fn render(
             remedy: "make both from one resolution".into(),
         });
     }
-    let lights = Lights::new(scene, settings.light_sampling);
     let mut run = Run { scene, settings, film, monitor };
-    Ok(dispatch(scene, plan, &lights, settings, &mut run))
+    Ok(dispatch(scene, plan, settings, &mut run))
 }
 
-/// The value of one sample of one pixel: what [`render`] adds to the film. Slow for many samples: it plans its lights anew.
+/// The value of one sample of one pixel: what [`render`] adds to the film.
 pub fn sample_pixel(
     scene: &Scene,
     plan: &Plan,
@@ -105,8 +103,7 @@ pub fn sample_pixel(
             )
         }
     }
-    let lights = Lights::new(scene, settings.light_sampling);
-    dispatch(scene, plan, &lights, settings, &mut One { scene, settings, pixel, sample })
+    dispatch(scene, plan, settings, &mut One { scene, settings, pixel, sample })
 }
 
 /// Work that is compiled for each kernel.
@@ -132,23 +129,48 @@ fn run_planned<J: Job, M: Media>(
     }
 }
 
+/// What all kernels of a render share.
+#[derive(Clone, Copy)]
+struct Common<'a> {
+    scene: &'a Scene,
+    plan: &'a Plan,
+    max_bounces: u32,
+    typical_sigma_t: f64,
+}
+
+impl<'a> Common<'a> {
+    fn kernel<M: Media, W: World>(&self, media: M, world: W) -> Kernel<'a, M, W> {
+        Kernel {
+            media,
+            world,
+            lights: &self.plan.lights.0,
+            environment: &self.scene.environment,
+            max_bounces: self.max_bounces,
+            typical_sigma_t: self.typical_sigma_t,
+            analog_flights: self.plan.analog_flights,
+            inside: Inside::new(),
+            expected: self.plan.expected.as_deref(),
+        }
+    }
+}
+
 /// The one place where a plan turns into a compiled kernel.
 fn dispatch<J: Job>(
     scene: &Scene,
     plan: &Plan,
-    lights: &Lights,
     settings: &RenderSettings,
     job: &mut J,
 ) -> J::Output {
     let media = plan.media.media.as_slice();
     let max_bounces = settings.max_bounces.unwrap_or(u32::MAX);
     let typical_sigma_t = if plan.equiangular { typical_sigma_t(scene) } else { 0.0 };
+    let common = Common { scene, plan, max_bounces, typical_sigma_t };
     if let (KernelKind::SingleGrey | KernelKind::SingleChromatic, [medium]) = (plan.kernel, media)
         && let Medium::Grid(medium) = &**medium
     {
         let own = medium.majorants().structure() == MajorantStructure::Adaptive
             && !settings.shared_kernel;
-        let single = Single { medium, plan, scene, lights, max_bounces, typical_sigma_t, job };
+        let single = Single { medium, common, job };
         return if own {
             medium.with_voxels(On::<_, DefaultStructure>(single, PhantomData))
         } else {
@@ -156,68 +178,33 @@ fn dispatch<J: Job>(
         };
     }
     let media = Overlapping { media, index: &plan.media.index, methods: plan.methods };
-    let (environment, analog_flights) = (&scene.environment, plan.analog_flights);
-    if matches!(plan.kernel, KernelKind::Whole | KernelKind::UnderLaw) {
-        let fires: Vec<_> = scene.fires().cloned().collect();
-        let surfaces = scene.surfaces.as_deref();
-        let world = Whole { surfaces, fires: &fires };
-        let camera = scene.camera.position();
-        let inside = surfaces.map_or_else(Inside::new, |s| Inside::around(s, camera));
-        if plan.kernel == KernelKind::UnderLaw {
-            // One kernel for all such scenes: the plan keeps equiangular points away from them.
-            let telescope = Telescope::with_exponent(settings.level_exponent);
-            let media = UnderLaw { plain: media, telescope };
-            return job.run::<_, _, true, false>(&Kernel {
-                media,
-                world,
-                lights,
-                environment,
-                max_bounces,
-                typical_sigma_t,
-                analog_flights,
-                inside,
-                expected: None,
-            });
-        }
-        let kernel = Kernel {
-            media,
-            world,
-            lights,
-            environment,
-            max_bounces,
-            typical_sigma_t,
-            analog_flights,
-            inside,
-            expected: None,
-        };
-        return if plan.equiangular {
-            job.run::<_, _, true, true>(&kernel)
-        } else {
-            job.run::<_, _, true, false>(&kernel)
-        };
+    if !matches!(plan.kernel, KernelKind::Whole | KernelKind::UnderLaw) {
+        return run_planned(plan, job, &common.kernel(media, MediaAlone));
     }
-    let kernel = Kernel {
-        media,
-        world: MediaAlone,
-        lights,
-        environment,
-        max_bounces,
-        typical_sigma_t,
-        analog_flights,
-        inside: Inside::new(),
-        expected: plan.expected.as_deref(),
-    };
-    run_planned(plan, job, &kernel)
+    let fires: Vec<_> = scene.fires().cloned().collect();
+    let surfaces = scene.surfaces.as_deref();
+    let world = Whole { surfaces, fires: &fires };
+    let camera = scene.camera.position();
+    let inside = surfaces.map_or_else(Inside::new, |s| Inside::around(s, camera));
+    if plan.kernel == KernelKind::UnderLaw {
+        // One kernel for all such scenes: the plan keeps equiangular points away from them.
+        let telescope = Telescope::with_exponent(settings.level_exponent);
+        let media = UnderLaw { plain: media, telescope };
+        let kernel = Kernel { inside, ..common.kernel(media, world) };
+        return job.run::<_, _, true, false>(&kernel);
+    }
+    let kernel = Kernel { inside, ..common.kernel(media, world) };
+    if plan.equiangular {
+        job.run::<_, _, true, true>(&kernel)
+    } else {
+        job.run::<_, _, true, false>(&kernel)
+    }
 }
 
-/// The single-grid kernels, waiting for its voxel type.
+/// The single-grid kernels, waiting for their voxel type.
 struct Single<'a, J> {
     medium: &'a GridMedium,
-    plan: &'a Plan,
-    scene: &'a Scene,
-    lights: &'a Lights,
-    max_bounces: u32,
-    typical_sigma_t: f64,
+    common: Common<'a>,
     job: &'a mut J,
 }
 
@@ -227,38 +214,14 @@ struct On<T, S>(T, PhantomData<S>);
 impl<J: Job, S: Structures> VoxelKernel for On<Single<'_, J>, S> {
     type Output = J::Output;
     fn run<V: Voxel>(self, voxels: &[V]) -> J::Output {
-        let Single { medium, plan, scene, lights, max_bounces, typical_sigma_t, job } = self.0;
-        let (structures, methods) = (PhantomData::<S>, plan.methods);
-        let (world, environment) = (MediaAlone, &scene.environment);
-        let analog_flights = plan.analog_flights;
+        let Single { medium, common, job } = self.0;
+        let (structures, plan) = (PhantomData::<S>, common.plan);
         if plan.kernel == KernelKind::SingleChromatic {
             let media = SingleChromatic { structures, medium, voxels, weighted: plan.mis };
-            let kernel = Kernel {
-                media,
-                world,
-                lights,
-                environment,
-                max_bounces,
-                typical_sigma_t,
-                analog_flights,
-                inside: Inside::new(),
-                expected: plan.expected.as_deref(),
-            };
-            return run_planned(plan, job, &kernel);
+            return run_planned(plan, job, &common.kernel(media, MediaAlone));
         }
-        let media = SingleGrey { structures, medium, voxels, methods };
-        let kernel = Kernel {
-            media,
-            world,
-            lights,
-            environment,
-            max_bounces,
-            typical_sigma_t,
-            analog_flights,
-            inside: Inside::new(),
-            expected: plan.expected.as_deref(),
-        };
-        run_planned(plan, job, &kernel)
+        let media = SingleGrey { structures, medium, voxels, methods: plan.methods };
+        run_planned(plan, job, &common.kernel(media, MediaAlone))
     }
 }
 

@@ -306,6 +306,12 @@ impl GridMedium {
         Some(Span { t_enter: t0, length: (t1 - t0) as f32, p0, d })
     }
 
+    /// The part of a ray up to `t_max` that may hold extinction, in world distance from its origin.
+    pub fn extent(&self, origin: DVec3, direction: Vec3, t_max: f64) -> Option<(f64, f64)> {
+        let span = self.span(origin, direction, t_max)?;
+        Some((span.t_enter, span.t_enter + f64::from(span.length)))
+    }
+
     /// The ray field of a span, for a grid stored as `V`, on the hierarchy that every medium has by default.
     #[inline(always)]
     pub fn ray<'a, V: Voxel>(&'a self, voxels: &'a [V], span: &Span) -> GridRay<'a, V> {
@@ -634,10 +640,7 @@ impl Medium {
     /// The part of a ray up to `t_max` that may hold extinction, in world distance from its origin; may end at infinity.
     pub fn extent(&self, origin: DVec3, direction: Vec3, t_max: f64) -> Option<(f64, f64)> {
         match self {
-            Medium::Grid(medium) => {
-                let span = medium.span(origin, direction, t_max)?;
-                Some((span.t_enter, span.t_enter + f64::from(span.length)))
-            }
+            Medium::Grid(medium) => medium.extent(origin, direction, t_max),
             Medium::Homogeneous(medium) => {
                 let (t_enter, length) = medium.span(origin, direction, t_max)?;
                 Some((t_enter, t_enter + f64::from(length)))

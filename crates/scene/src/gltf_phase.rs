@@ -33,6 +33,17 @@ const TYPES: [(&str, &[&str]); 8] = [
     ),
 ];
 
+/// All flat keys of phase functions, each once.
+pub(crate) fn flat_phase_keys() -> Vec<&'static str> {
+    let mut keys = vec!["pileus_phase"];
+    for key in TYPES.iter().flat_map(|(_, keys)| *keys) {
+        if !keys.contains(key) {
+            keys.push(key);
+        }
+    }
+    keys
+}
+
 /// The phase function that flat keys describe: of the type that `pileus_phase` names, or of the first type that has one of the keys given.
 pub(crate) fn flat_phase(flat: &Flat<'_>, base: &Path) -> Result<Option<PhaseSpec>, Error> {
     let names = || TYPES.iter().map(|(name, _)| *name);
@@ -215,15 +226,17 @@ mod tests {
             let flat = format!(r#"{{"extras":{{"pileus_vdb":"a",{flat}}}}}"#);
             let [a, b, c] = [extension, nested, flat].map(|node| read(&node).unwrap());
             assert!(a.is_some() && a == b && a == c, "{a:?} {b:?} {c:?}");
-            for file in a.unwrap().files() {
-                assert_eq!(Path::new(file), Path::new("folder/a b.csv"));
+            if let Some(PhaseSpec::Tabulated { file }) = a {
+                assert_eq!(Path::new(&file), Path::new("folder/a b.csv"));
             }
         }
         let mixture = r#"{"extensions":{"PILEUS_volume":{"vdb":"a","phase":{"type":"mixture",
             "lobes":[{"weight":1,"phase":{"type":"tabulated","file":"t.csv"}}]}}}}"#;
-        let mixture = read(mixture).unwrap().unwrap();
-        assert_eq!(mixture.files().len(), 1);
-        assert_eq!(Path::new(mixture.files()[0]), Path::new("folder/t.csv"));
+        let Some(PhaseSpec::Mixture { lobes }) = read(mixture).unwrap() else {
+            panic!("a mixture")
+        };
+        let PhaseSpec::Tabulated { file } = &lobes[0].phase else { panic!("a table") };
+        assert_eq!(Path::new(file), Path::new("folder/t.csv"));
     }
 
     #[test]

@@ -5,7 +5,7 @@ use std::path::Path;
 use serde_json::{Map, Value};
 
 use crate::error::{Error, Place};
-use crate::gltf_phase::flat_phase;
+use crate::gltf_phase::{flat_phase, flat_phase_keys};
 use crate::json::{Document, nearest};
 use crate::uri::{resolve_name, resolve_uri};
 use crate::volume_spec::{
@@ -18,31 +18,12 @@ pub(crate) const EXTENSION: &str = "PILEUS_volume";
 /// Key of `extras` that holds the same object as the extension.
 const NESTED: &str = "pileus_volume";
 
-/// Flat keys of `extras`, what Blender writes from an object's custom properties.
-const FLAT: [&str; 37] = [
+/// Flat keys of `extras`, what Blender writes from an object's custom properties, but for those of phase functions.
+const FLAT: [&str; 18] = [
     "pileus_vdb",
     "pileus_grid",
     "pileus_density_scale",
     "pileus_albedo",
-    "pileus_phase",
-    "pileus_g",
-    "pileus_g_grid",
-    "pileus_g_scale",
-    "pileus_g_offset",
-    "pileus_alpha",
-    "pileus_g_forward",
-    "pileus_g_backward",
-    "pileus_weight_forward",
-    "pileus_droplet_diameter",
-    "pileus_phase_file",
-    "pileus_flakes",
-    "pileus_flake_shape",
-    "pileus_flake_axis",
-    "pileus_flake_axis_grid",
-    "pileus_flake_roughness",
-    "pileus_flake_roughness_grid",
-    "pileus_flake_diagonal_grid",
-    "pileus_flake_off_diagonal_grid",
     "pileus_extinction",
     "pileus_law",
     "pileus_law_k",
@@ -110,14 +91,15 @@ pub(crate) struct Flat<'a> {
 impl Flat<'_> {
     fn volume(&self, base: &Path) -> Result<Option<VolumeSpec>, Error> {
         let mut any = false;
+        let known: Vec<&str> = FLAT.into_iter().chain(flat_phase_keys()).collect();
         for key in self.extras.keys().filter(|key| key.starts_with("pileus_")) {
             any = true;
-            if !FLAT.contains(&key.as_str()) {
-                let near = nearest(key, FLAT.into_iter().chain([NESTED])).unwrap_or_default();
+            if !known.contains(&key.as_str()) {
+                let near = nearest(key, known.iter().copied().chain([NESTED])).unwrap_or_default();
                 return Err(Error::invalid(
                     self.place(key),
                     format!("unknown custom property `{key}`"),
-                    format!("did you mean `{near}`? Known here: `{}`", FLAT.join("`, `")),
+                    format!("did you mean `{near}`? Known here: `{}`", known.join("`, `")),
                 ));
             }
         }

@@ -124,15 +124,6 @@ impl PhaseSpec {
             other => other,
         })
     }
-
-    /// The names of all files in it.
-    pub fn files(&self) -> Vec<&str> {
-        match self {
-            Self::Tabulated { file } => vec![file],
-            Self::Mixture { lobes } => lobes.iter().flat_map(|lobe| lobe.phase.files()).collect(),
-            _ => Vec::new(),
-        }
-    }
 }
 
 impl Serialize for CosineSpec {

@@ -204,7 +204,7 @@ impl<'a> Entry<'a> {
 pub(super) type Ahead<'a> = SmallVec<[(usize, Entry<'a>); 4]>;
 
 /// Transmittance of a grey homogeneous medium up to `t_max`: closed form; `None` for other media.
-pub(super) fn closed_form(medium: &Medium, ray: &Ray, t_max: f64) -> Option<f32> {
+fn closed_form(medium: &Medium, ray: &Ray, t_max: f64) -> Option<f32> {
     let Medium::Homogeneous(medium) = medium else {
         return None;
     };
@@ -219,7 +219,7 @@ pub(super) fn closed_form(medium: &Medium, ray: &Ray, t_max: f64) -> Option<f32>
 }
 
 /// Whether a ray never leaves a medium that differs per channel: without end, transmittance is zero or one.
-pub(super) fn endless(medium: &Medium, ray: &Ray, t_max: f64) -> bool {
+fn endless(medium: &Medium, ray: &Ray, t_max: f64) -> bool {
     let Medium::Homogeneous(medium) = medium else {
         return false;
     };
@@ -316,6 +316,55 @@ impl<'a> Overlapping<'a> {
         let (estimator, field) = (self.methods.transmittance, entry.field());
         let transmittance = estimator.estimate(field, channels, threshold, rng, tally);
         (transmittance, if known { transmittance } else { C::Value::ONE })
+    }
+
+    /// What a shadow ray finds of one medium, without its law; `None` if it does not meet it.
+    #[inline]
+    pub(super) fn through<R: Rng>(
+        &self,
+        medium: &Medium,
+        (ray, t_max): (&Ray, f64),
+        threshold: f32,
+        rng: &mut R,
+        tally: &mut Tally,
+    ) -> Option<Shadow> {
+        if let Some(factor) = closed_form(medium, ray, t_max) {
+            let factor = Vec3::splat(factor);
+            return Some(Shadow { transmittance: factor, null_probability: factor });
+        }
+        let relative = medium.relative_extinction();
+        if endless(medium, ray, t_max) {
+            let clear = |s: f32| if s > 0.0 { 0.0 } else { 1.0 };
+            let transmittance = Spectrum::map(relative, clear);
+            return Some(Shadow { transmittance, ..Shadow::CLEAR });
+        }
+        let entry = Entry::new(medium, ray, t_max)?;
+        let (transmittance, null_probability) = if relative == Vec3::ONE {
+            let (t, n) = self.shadow(&entry, Grey, threshold, rng, tally);
+            (Vec3::splat(t), Vec3::splat(n))
+        } else {
+            self.shadow(&entry, Relative(relative), threshold, rng, tally)
+        };
+        Some(Shadow { transmittance, null_probability })
+    }
+
+    /// As [`Media::scattering`], with the extinction of each medium times a factor of its own.
+    pub(super) fn scattering_times<R: Rng>(
+        &self,
+        factor: impl Fn(&Medium) -> f32,
+        (p_world, incoming): (DVec3, Vec3),
+        rng: &mut R,
+        mut visit: impl FnMut(Vec3, PhaseAt<'_>),
+    ) {
+        for index in self.index.around(p_world) {
+            let medium = &self.media[index as usize];
+            let sigma_t = medium.sigma_t_at(p_world) as f32;
+            if sigma_t > 0.0 {
+                let sigma_t = sigma_t * factor(medium) * medium.projected_area(p_world, incoming);
+                let sigma_t = medium.relative_extinction() * sigma_t;
+                visit(medium.albedo_at(p_world) * sigma_t, medium.phase_at(p_world, incoming, rng));
+            }
+        }
     }
 
     /// A flight through a medium that no other overlaps.
@@ -512,28 +561,11 @@ impl Media for Overlapping<'_> {
         let mut shadow = Shadow::CLEAR;
         for index in self.index.along(ray, t_max) {
             let medium = &self.media[index as usize];
-            if let Some(factor) = closed_form(medium, ray, t_max) {
-                shadow.transmittance *= factor;
-                shadow.null_probability *= factor;
-                continue;
-            }
-            if endless(medium, ray, t_max) {
-                let clear = |s: f32| if s > 0.0 { 0.0 } else { 1.0 };
-                shadow.transmittance *= Spectrum::map(medium.relative_extinction(), clear);
-                continue;
-            }
-            let Some(entry) = Entry::new(medium, ray, t_max) else {
+            let Some(part) = self.through(medium, (ray, t_max), threshold, rng, tally) else {
                 continue;
             };
-            let relative = medium.relative_extinction();
-            let (transmittance, null_probability) = if relative == Vec3::ONE {
-                let (t, n) = self.shadow(&entry, Grey, threshold, rng, tally);
-                (Vec3::splat(t), Vec3::splat(n))
-            } else {
-                self.shadow(&entry, Relative(relative), threshold, rng, tally)
-            };
-            shadow.transmittance *= transmittance;
-            shadow.null_probability *= null_probability;
+            shadow.transmittance *= part.transmittance;
+            shadow.null_probability *= part.null_probability;
             if shadow.transmittance == Vec3::ZERO {
                 break;
             }
@@ -546,17 +578,9 @@ impl Media for Overlapping<'_> {
         p_world: DVec3,
         incoming: Vec3,
         rng: &mut R,
-        mut visit: impl FnMut(Vec3, PhaseAt<'_>),
+        visit: impl FnMut(Vec3, PhaseAt<'_>),
     ) {
-        for index in self.index.around(p_world) {
-            let medium = &self.media[index as usize];
-            let sigma_t = medium.sigma_t_at(p_world) as f32;
-            if sigma_t > 0.0 {
-                let sigma_t = sigma_t * medium.projected_area(p_world, incoming);
-                let sigma_t = medium.relative_extinction() * sigma_t;
-                visit(medium.albedo_at(p_world) * sigma_t, medium.phase_at(p_world, incoming, rng));
-            }
-        }
+        self.scattering_times(|_| 1.0, (p_world, incoming), rng, visit);
     }
 
     fn extent(&self, ray: &Ray, t_max: f64) -> Option<(f64, f64)> {

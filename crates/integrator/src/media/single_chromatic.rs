@@ -6,7 +6,7 @@
 //!
 //! Measured against weights over channels (spectral tracking): `docs/charts/whole.md`.
 
-use super::single_grey::plain_phase;
+use super::single_grey::{plain_properties, plain_scattering};
 use super::{Collision, Ending, Flown, Leg, Media, Parted, Ray, Shadow, Structures};
 use glam::{DVec3, Vec3};
 use pileus_media::random::uniform;
@@ -147,18 +147,13 @@ impl<V: Voxel, S: Structures> Media for SingleChromatic<'_, V, S> {
         p_world: DVec3,
         _: Vec3,
         _: &mut R,
-        mut visit: impl FnMut(Vec3, PhaseAt<'_>),
+        visit: impl FnMut(Vec3, PhaseAt<'_>),
     ) {
-        let sigma_t = self.medium.sigma_t_at(p_world) as f32;
-        if sigma_t > 0.0 {
-            let sigma_t = self.medium.relative_extinction() * sigma_t;
-            visit(self.medium.albedo_at(p_world) * sigma_t, plain_phase(self.medium));
-        }
+        plain_scattering(self.medium, p_world, visit);
     }
 
     fn extent(&self, ray: &Ray, t_max: f64) -> Option<(f64, f64)> {
-        let span = self.medium.span(ray.origin, ray.direction, t_max)?;
-        Some((span.t_enter, span.t_enter + f64::from(span.length)))
+        self.medium.extent(ray.origin, ray.direction, t_max)
     }
 
     #[inline(always)]
@@ -169,6 +164,6 @@ impl<V: Voxel, S: Structures> Media for SingleChromatic<'_, V, S> {
         _: Vec3,
         _: &mut R,
     ) -> (PhaseAt<'_>, Vec3) {
-        (plain_phase(self.medium), self.medium.albedo_at(p_world))
+        plain_properties(self.medium, p_world)
     }
 }

@@ -57,10 +57,23 @@ impl Structures for AnyStructure {
     }
 }
 
-/// The phase function in the kernels of single grids. The plan gives them no others than these: none is compiled in.
+/// The phase function and the albedo in the kernels of single grids. The plan gives them no other phase functions than these: none is compiled in.
 #[inline(always)]
-pub(crate) fn plain_phase(medium: &GridMedium) -> PhaseAt<'static> {
-    medium.phase().plain().unwrap_or(PhaseAt::Isotropic)
+pub(super) fn plain_properties(medium: &GridMedium, p_world: DVec3) -> (PhaseAt<'static>, Vec3) {
+    (medium.phase().plain().unwrap_or(PhaseAt::Isotropic), medium.albedo_at(p_world))
+}
+
+/// As [`Media::scattering`] of a single grid.
+pub(super) fn plain_scattering(
+    medium: &GridMedium,
+    p_world: DVec3,
+    mut visit: impl FnMut(Vec3, PhaseAt<'_>),
+) {
+    let sigma_t = medium.sigma_t_at(p_world) as f32;
+    if sigma_t > 0.0 {
+        let (phase, albedo) = plain_properties(medium, p_world);
+        visit(albedo * medium.relative_extinction() * sigma_t, phase);
+    }
 }
 
 /// One grey grid medium with voxels of type `V` and majorant structures `S`.
@@ -175,17 +188,13 @@ impl<V: Voxel, S: Structures> Media for SingleGrey<'_, V, S> {
         p_world: DVec3,
         _: Vec3,
         _: &mut R,
-        mut visit: impl FnMut(Vec3, PhaseAt<'_>),
+        visit: impl FnMut(Vec3, PhaseAt<'_>),
     ) {
-        let sigma_t = self.medium.sigma_t_at(p_world) as f32;
-        if sigma_t > 0.0 {
-            visit(self.medium.albedo_at(p_world) * sigma_t, plain_phase(self.medium));
-        }
+        plain_scattering(self.medium, p_world, visit);
     }
 
     fn extent(&self, ray: &Ray, t_max: f64) -> Option<(f64, f64)> {
-        let span = self.medium.span(ray.origin, ray.direction, t_max)?;
-        Some((span.t_enter, span.t_enter + f64::from(span.length)))
+        self.medium.extent(ray.origin, ray.direction, t_max)
     }
 
     #[inline(always)]
@@ -196,6 +205,6 @@ impl<V: Voxel, S: Structures> Media for SingleGrey<'_, V, S> {
         _: Vec3,
         _: &mut R,
     ) -> (PhaseAt<'_>, Vec3) {
-        (plain_phase(self.medium), self.medium.albedo_at(p_world))
+        plain_properties(self.medium, p_world)
     }
 }

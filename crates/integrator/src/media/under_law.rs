@@ -4,7 +4,7 @@
 //! parts of a ray. A ray that starts at a particle of a medium is correlated with that medium alone; light, cameras and surfaces are not correlated
 //! with any. Laws that are mixtures of exponential ones run the ordinary trackers and estimators with an extinction times a drawn rate; others invert the depth exactly.
 
-use super::overlapping::{Entry, closed_form, endless};
+use super::overlapping::Entry;
 use super::{Collision, Flown, Leg, Media, Overlapping, Ray, Shadow, Start, Together};
 use glam::{DVec3, Vec3};
 use pileus_media::distance::{DistanceSampler, Flight, WeightedFlight, regular_flight_under_law};
@@ -13,9 +13,7 @@ use pileus_media::random::exponential;
 use pileus_media::transmittance::{
     Estimator, Telescope, debiased_under_law, exact_under_law, ratio_tracking_with_roulette,
 };
-use pileus_media::{
-    ExactField, Medium, PhaseAt, Relative, Scaled, Spectrum, Tally, TentativeCollisions,
-};
+use pileus_media::{ExactField, Medium, PhaseAt, Relative, Scaled, Tally, TentativeCollisions};
 use rand_core::Rng;
 
 /// All media of a scene, as a list, some of them under laws. Always in three channels: one kernel serves all such scenes.
@@ -147,25 +145,18 @@ impl Media for UnderLaw<'_> {
         for index in self.plain.index.along(ray, t_max) {
             let index = index as usize;
             let medium = &*self.plain.media[index];
-            let entry = Entry::new(medium, ray, t_max);
-            shadow.transmittance *= match (medium.law(), &entry) {
-                (_, None) => continue,
-                (Some(law), Some(entry)) => {
+            let part = match medium.law() {
+                Some(law) => Entry::new(medium, ray, t_max).map(|entry| {
                     let own = (medium, entry.field(), passage(law, start, index));
                     self.shadow(own, threshold, rng, tally)
-                }
-                (None, Some(entry)) => {
-                    if let Some(factor) = closed_form(medium, ray, t_max) {
-                        Vec3::splat(factor)
-                    } else if endless(medium, ray, t_max) {
-                        let clear = |s: f32| if s > 0.0 { 0.0 } else { 1.0 };
-                        Spectrum::map(medium.relative_extinction(), clear)
-                    } else {
-                        let channels = Relative(medium.relative_extinction());
-                        self.plain.shadow(entry, channels, threshold, rng, tally).0
-                    }
+                }),
+                None => {
+                    let part = self.plain.through(medium, (ray, t_max), threshold, rng, tally);
+                    part.map(|part| part.transmittance)
                 }
             };
+            let Some(part) = part else { continue };
+            shadow.transmittance *= part;
             if shadow.transmittance == Vec3::ZERO {
                 break;
             }
@@ -179,19 +170,11 @@ impl Media for UnderLaw<'_> {
         p_world: DVec3,
         incoming: Vec3,
         rng: &mut R,
-        mut visit: impl FnMut(Vec3, PhaseAt<'_>),
+        visit: impl FnMut(Vec3, PhaseAt<'_>),
     ) {
-        for index in self.plain.index.around(p_world) {
-            let medium = &self.plain.media[index as usize];
-            let sigma_t = medium.sigma_t_at(p_world) as f32;
-            if sigma_t > 0.0 {
-                let path = medium.law().map_or(1.0, Law::mean_free_path) as f32;
-                let sigma_t = medium.relative_extinction() * (sigma_t / path);
-                let shown = medium.projected_area(p_world, incoming);
-                let phase = medium.phase_at(p_world, incoming, rng);
-                visit(medium.albedo_at(p_world) * (sigma_t * shown), phase);
-            }
-        }
+        let per_path =
+            |medium: &Medium| medium.law().map_or(1.0, |law| 1.0 / law.mean_free_path() as f32);
+        self.plain.scattering_times(per_path, (p_world, incoming), rng, visit);
     }
 
     fn extent(&self, ray: &Ray, t_max: f64) -> Option<(f64, f64)> {
