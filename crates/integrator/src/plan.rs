@@ -338,12 +338,12 @@ impl Plan {
             let cost = pilot.cost_on(&plan.media);
             plan.predicted = Some(PathCost::new(cost.collisions, cost.steps, pilot.collisions()));
         }
-        plan.expect(scene, settings);
+        plan.choose_shadow_roulette(scene, settings);
         Ok(plan)
     }
 
     /// Asks a second pilot what shadow rays may bring, where that pays.
-    fn expect(&mut self, scene: &Scene, settings: &RenderSettings) {
+    fn choose_shadow_roulette(&mut self, scene: &Scene, settings: &RenderSettings) {
         let lights = Arc::clone(&self.lights.0);
         let distant = lights.positions().next().is_none() && !lights.is_empty();
         let possible = distant

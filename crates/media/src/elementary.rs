@@ -62,85 +62,9 @@ pub fn sin_cos_turn(u: f32) -> (f32, f32) {
     }
 }
 
-/// `e^x` in double precision, relative error below 1e-15; zero below -708, infinite above 709.
-///
-/// The same bits on every machine: as [`exp`], with fourteen terms.
-pub fn exp_f64(x: f64) -> f64 {
-    if x < -708.0 {
-        return 0.0;
-    }
-    if x > 709.0 {
-        return f64::INFINITY;
-    }
-    let k = (x * std::f64::consts::LOG2_E).round_ties_even();
-    let r = (x - k * 0.693_147_180_369_123_8) - k * 1.908_214_929_270_587_7e-10;
-    let series = 1.0 + exp_m1_series(r);
-    let half = (k as i64) >> 1;
-    let power = |e: i64| f64::from_bits(((1023 + e) as u64) << 52);
-    series * power(half) * power(k as i64 - half)
-}
-
-/// `e^x - 1` in double precision without cancellation, relative error below 1e-15.
-pub fn exp_m1_f64(x: f64) -> f64 {
-    if x.abs() < 0.34 { exp_m1_series(x) } else { exp_f64(x) - 1.0 }
-}
-
-/// The series of `e^x - 1` for |x| < 0.35.
-fn exp_m1_series(x: f64) -> f64 {
-    let mut sum = 0.0;
-    for n in (1..=14u32).rev() {
-        sum = (sum + 1.0) * x / f64::from(n);
-    }
-    sum
-}
-
-/// Natural logarithm of a positive normal number in double precision, relative error below 1e-15.
-///
-/// The same bits on every machine: as [`ln`], with twelve terms.
-pub fn ln_f64(x: f64) -> f64 {
-    let bits = x.to_bits();
-    let e = (bits.wrapping_sub(0x3fe6_a09e_667f_3bcd) as i64) >> 52;
-    let m = f64::from_bits(bits.wrapping_sub((e as u64) << 52));
-    e as f64 * std::f64::consts::LN_2 + 2.0 * artanh((m - 1.0) / (m + 1.0))
-}
-
-/// `ln(1 + x)` in double precision without cancellation, for x > -1; relative error below 1e-15.
-pub fn ln_1p_f64(x: f64) -> f64 {
-    if x.abs() < 0.4 { 2.0 * artanh(x / (2.0 + x)) } else { ln_f64(1.0 + x) }
-}
-
-/// The series of artanh for |s| < 0.26.
-fn artanh(s: f64) -> f64 {
-    let z = s * s;
-    let mut sum = 0.0;
-    for n in (1..=14u32).rev() {
-        sum = (sum + 1.0 / f64::from(2 * n - 1)) * if n > 1 { z } else { s };
-    }
-    sum
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn double_precision_is_accurate() {
-        let relative = |a: f64, b: f64| if a == b { 0.0 } else { (a / b - 1.0).abs() };
-        let mut worst = [0.0f64; 4];
-        for i in 0..200_000 {
-            let x = -700.0 + 1400.0 * f64::from(i) / 200_000.0;
-            worst[0] = worst[0].max(relative(exp_f64(x), x.exp()));
-            let small = x * 1e-3;
-            worst[1] = worst[1].max(relative(exp_m1_f64(small), small.exp_m1()));
-            let positive = (x * 0.1).exp();
-            worst[2] = worst[2].max(relative(ln_f64(positive), positive.ln()));
-            worst[3] =
-                worst[3].max(relative(ln_1p_f64(small.max(-0.999)), small.max(-0.999).ln_1p()));
-        }
-        assert!(worst.iter().all(|w| *w < 2e-15), "worst relative errors {worst:?}");
-        assert_eq!((exp_f64(0.0), exp_f64(f64::NEG_INFINITY)), (1.0, 0.0));
-        assert_eq!((exp_m1_f64(0.0), ln_1p_f64(0.0), ln_f64(1.0)), (0.0, 0.0, 0.0));
-    }
 
     #[test]
     fn ln_is_accurate_over_its_range() {

@@ -6,6 +6,7 @@ mod measure;
 mod rays;
 mod render;
 mod stability;
+mod stress;
 mod transmittance;
 
 pub use laws::{Levels, chart_laws};

@@ -3,7 +3,7 @@
 use super::Start;
 use super::invert::depth_of;
 use crate::Error;
-use crate::elementary::{exp_f64, ln_1p_f64, ln_f64};
+use libm::{exp, log, log1p};
 use std::fmt;
 
 /// `T(tau) = (1 + tau / alpha)^-alpha` with `alpha = tau^(1 - beta) / c^(1 + beta)`, `beta = 2 h - 1` [Davis and Mineev-Weinstein 2011; the parameters of
@@ -40,19 +40,19 @@ impl DavisWeinstein {
             ));
         }
         let beta = 2.0 * h - 1.0;
-        Ok(DavisWeinstein { h, c, beta, strength: exp_f64((1.0 + beta) * ln_f64(c)) })
+        Ok(DavisWeinstein { h, c, beta, strength: exp((1.0 + beta) * log(c)) })
     }
 
     /// `y` at a depth above zero.
     fn y(&self, tau: f64) -> f64 {
-        self.strength * exp_f64(self.beta * ln_f64(tau.max(f64::MIN_POSITIVE)))
+        self.strength * exp(self.beta * log(tau.max(f64::MIN_POSITIVE)))
     }
 
     /// `T` and `L`.
     fn value_and_rate(&self, tau: f64) -> (f64, f64) {
         let y = self.y(tau);
-        let mean = ln_1p_f64(y) / y;
-        (exp_f64(-tau * mean), (1.0 - self.beta) * mean + self.beta / (1.0 + y))
+        let mean = log1p(y) / y;
+        (exp(-tau * mean), (1.0 - self.beta) * mean + self.beta / (1.0 + y))
     }
 
     pub(super) fn survival(&self, start: Start, tau: f64) -> f64 {
@@ -76,7 +76,7 @@ impl DavisWeinstein {
             Start::Correlated => {
                 let (y, beta) = (self.y(tau), self.beta);
                 let one = 1.0 + y;
-                let slope = (1.0 - beta) * (1.0 / one - ln_1p_f64(y) / y) - beta * y / (one * one);
+                let slope = (1.0 - beta) * (1.0 / one - log1p(y) / y) - beta * y / (one * one);
                 transmittance * (rate * rate - beta / tau * slope)
             }
         }

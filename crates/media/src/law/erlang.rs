@@ -3,7 +3,7 @@
 use super::Start;
 use super::invert::depth_of;
 use crate::Error;
-use crate::elementary::exp_f64;
+use libm::exp;
 use std::fmt;
 
 /// Most stages of an Erlang law.
@@ -44,7 +44,7 @@ impl Erlang {
             sum += weight(j) * term;
             term *= x / (j + 1.0);
         }
-        sum * exp_f64(-x)
+        sum * exp(-x)
     }
 
     pub(super) fn survival(&self, start: Start, tau: f64) -> f64 {

@@ -1,6 +1,6 @@
 //! Inversion of laws that have no closed form for it.
 
-use crate::elementary::{exp_f64, ln_f64};
+use libm::{exp, log};
 
 /// Depth beyond which nothing survives, whatever the law.
 const DEEPEST: f64 = 1e30;
@@ -15,7 +15,7 @@ pub(super) fn depth_of(
     if !(drawn > 0.0) {
         return 0.0;
     }
-    let target = exp_f64(-drawn);
+    let target = exp(-drawn);
     let (mut low, mut high) = (0.0, 1.0);
     while survival(high) > target {
         low = high;
@@ -37,7 +37,7 @@ pub(super) fn depth_of(
         }
         // ln X - ln target over its slope -p / X.
         let newton = if survives > f64::MIN_POSITIVE {
-            tau + (ln_f64(survives) + drawn) * survives / density(tau)
+            tau + (log(survives) + drawn) * survives / density(tau)
         } else {
             f64::NAN
         };

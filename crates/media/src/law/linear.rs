@@ -1,7 +1,7 @@
 //! The linear law: particles on a lattice.
 
 use super::Start;
-use crate::elementary::exp_m1_f64;
+use libm::expm1;
 use std::fmt;
 
 /// `T(tau) = max(0, 1 - tau)` [Bitterli et al. 2018]: from particle to particle always one unit of depth.
@@ -27,7 +27,7 @@ impl Linear {
 
     pub(super) fn depth(self, start: Start, drawn: f64) -> f64 {
         match start {
-            Start::Uncorrelated => -exp_m1_f64(-drawn),
+            Start::Uncorrelated => -expm1(-drawn),
             Start::Correlated => 1.0,
         }
     }

@@ -3,8 +3,8 @@
 use super::invert::depth_of;
 use super::{Law, Start};
 use crate::Error;
-use crate::elementary::exp_f64;
 use crate::random::uniform;
+use libm::exp;
 use rand_core::Rng;
 use std::fmt;
 
@@ -28,13 +28,13 @@ impl Component {
     fn survival(&self, start: Start, tau: f64) -> f64 {
         // Infinite depth under any rate.
         let depth = self.rate * tau;
-        self.law.as_ref().map_or_else(|| exp_f64(-depth), |law| law.survival(start, depth))
+        self.law.as_ref().map_or_else(|| exp(-depth), |law| law.survival(start, depth))
     }
 
     fn density(&self, start: Start, tau: f64) -> f64 {
         let depth = self.rate * tau;
         let density = match &self.law {
-            None => exp_f64(-depth),
+            None => exp(-depth),
             Some(law) => law.density(start, depth),
         };
         self.rate * density

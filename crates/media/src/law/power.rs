@@ -2,8 +2,9 @@
 
 use super::Start;
 use crate::Error;
-use crate::elementary::{exp_f64, exp_m1_f64, ln, ln_1p_f64, ln_f64, sin_cos_turn};
+use crate::elementary::{ln, sin_cos_turn};
 use crate::random::uniform;
+use libm::{exp, expm1, log, log1p};
 use rand_core::Rng;
 use std::fmt;
 
@@ -48,16 +49,16 @@ impl Power {
         if tau == f64::INFINITY {
             return 0.0;
         }
-        exp_f64(-self.exponent(start) * ln_1p_f64(tau / self.k))
+        exp(-self.exponent(start) * log1p(tau / self.k))
     }
 
     pub(super) fn density(&self, start: Start, tau: f64) -> f64 {
         let exponent = self.exponent(start);
-        exponent / self.k * exp_f64(-(exponent + 1.0) * ln_1p_f64(tau / self.k))
+        exponent / self.k * exp(-(exponent + 1.0) * log1p(tau / self.k))
     }
 
     pub(super) fn depth(&self, start: Start, drawn: f64) -> f64 {
-        self.k * exp_m1_f64(drawn / self.exponent(start))
+        self.k * expm1(drawn / self.exponent(start))
     }
 
     pub(super) fn mean_free_path(&self) -> f64 {
@@ -86,7 +87,7 @@ fn gamma<R: Rng + ?Sized>(shape: f64, rng: &mut R) -> f64 {
             continue;
         }
         let u = 1.0 - f64::from(uniform(rng));
-        if ln_f64(u) < 0.5 * x * x + d - d * v + d * ln_f64(v) {
+        if log(u) < 0.5 * x * x + d - d * v + d * log(v) {
             return d * v;
         }
     }

@@ -2,7 +2,7 @@
 
 use super::Start;
 use crate::Error;
-use crate::elementary::exp_f64;
+use libm::exp;
 use std::fmt;
 
 /// Most rows of a table.
@@ -180,7 +180,7 @@ impl Table {
             if self.tail == f64::INFINITY {
                 return [0.0; 3];
             }
-            let fall = exp_f64(-self.tail * x);
+            let fall = exp(-self.tail * x);
             return [a.transmittance * fall, a.slope * fall, -a.slope * self.tail * fall];
         };
         let curvature = (b.slope - a.slope) / (b.tau - a.tau);
@@ -205,14 +205,14 @@ impl Table {
     }
 
     pub(super) fn depth(&self, start: Start, drawn: f64) -> f64 {
-        let survival = exp_f64(-drawn);
+        let survival = exp(-drawn);
         let end = self.knots[self.knots.len() - 1];
         // Depth beyond the last knot, if the survival there is `left`.
         let beyond = |left: f64| {
             if self.tail == f64::INFINITY {
                 end.tau
             } else {
-                end.tau + (drawn + crate::elementary::ln_f64(left)) / self.tail
+                end.tau + (drawn + libm::log(left)) / self.tail
             }
         };
         match start {

@@ -6,12 +6,12 @@
 use super::comb::comb;
 use super::debiased_ray_marching::{DEBIASED_TEETH, DEEPER};
 use crate::channels::{Channels, Spectrum};
-use crate::elementary::exp_f64;
 use crate::field::{ExactField, RayField};
 use crate::law::Passage;
 use crate::random::uniform;
 use crate::stretch::Stretch;
 use crate::tally::Tally;
+use libm::exp;
 use rand_core::Rng;
 
 /// The survival of all channels at a depth of the field.
@@ -51,7 +51,7 @@ impl Default for Telescope {
 impl Telescope {
     /// Eight teeth, and levels `j` of a probability in proportion to `2^(-exponent j)`.
     pub fn with_exponent(exponent: f64) -> Telescope {
-        let deeper = exp_f64(-exponent * std::f64::consts::LN_2) as f32;
+        let deeper = exp(-exponent * std::f64::consts::LN_2) as f32;
         Telescope { deeper, ..Telescope::default() }
     }
 }
