@@ -131,11 +131,12 @@ pub(crate) fn fly<R: Rng>(
         *beta *= transmittance(interior, t_end);
         return None;
     }
-    let total = beta.element_sum();
+    // Weights of flights have either sign: a channel is chosen by size.
+    let total = beta.abs().element_sum();
     if !(total > 0.0) {
         return None;
     }
-    let share = *beta / total;
+    let share = beta.abs() / total;
     let mut u = uniform(rng);
     let channel = (0..2).find(|&c| {
         let taken = u < share[c];

@@ -111,29 +111,30 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         [depth, decision]: [f32; 2],
         counters: &mut Counters,
     ) -> PixelSample {
-        let mut pixel = PixelSample { rgb: [0.0; 3], alpha: 0.0 };
         let mut radiance = Vec3::ZERO;
+        // Share of the background that is seen: alpha is one minus its mean, whatever weights a flight carries.
+        let mut transmitted = 0.0;
         let depth = pileus_media::random::exponential_from((depth * 4_294_967_296.0) as u32);
         let first = Some([depth, decision]);
         let mut branches = Branches::<'_, M, W>::new();
         let mut branch = Branch { ray, beta: Vec3::ONE, ending: None, last: None, bounces: 0 };
         loop {
             let first = if branch.ending.is_none() { first } else { None };
-            let (light, alpha) =
+            let (light, seen) =
                 self.follow::<MIS, EQUIANGULAR>(branch, first, &mut branches, sampler, counters);
             radiance += light;
-            pixel.alpha += alpha;
+            transmitted += seen;
             match branches.pop() {
                 Some(next) if M::PARTS => branch = next,
                 _ => break,
             }
         }
         counters.paths += 1;
-        pixel.rgb = radiance.to_array();
-        pixel
+        PixelSample { rgb: radiance.to_array(), alpha: 1.0 - transmitted }
     }
 
-    /// Follows one branch of a path to its end; what parts from it joins `branches`. Returns its light, and the share of the channels that met something on it.
+    /// Follows one branch of a path to its end; what parts from it joins `branches`. Returns its light, and what its first flight, if it met nothing, lets through:
+    /// the mean over channels of an unbiased estimate of the transmittance towards the background.
     #[inline(always)]
     fn follow<'k, const MIS: bool, const EQUIANGULAR: bool>(
         &'k self,
@@ -147,9 +148,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         let begun = bounces;
         let mut tally = Tally::default();
         let mut radiance = Vec3::ZERO;
-        let mut alpha = 0.0;
-        // Of the channels, those whose first flight ends on this branch.
-        let mut share = if begun == 0 { 1.0 } else { 0.0 };
+        let mut transmitted = 0.0;
         let mut inside = if W::WHOLE { self.inside.clone() } else { Inside::new() };
         // Radiance expected after the first scattering.
         let mut expected_first = 1.0;
@@ -198,9 +197,6 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
                 collision
             };
             beta = flown.beta;
-            if M::PARTS && bounces == 0 {
-                share = beta.cmpgt(Vec3::ZERO).bitmask().count_ones() as f32 / 3.0;
-            }
             let mut scattered_by =
                 if M::LAWS { collision.as_ref().map(|collision| collision.medium) } else { None };
             let mut event = match (&collision, hit) {
@@ -236,6 +232,9 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
             }
             let (p, vertex, turn) = match event {
                 Event::Escape => {
+                    if bounces == 0 {
+                        transmitted = beta.element_sum() * (1.0 / 3.0);
+                    }
                     radiance +=
                         beta * self.escape::<MIS>(&ray, last.as_ref(), flown.null_probability);
                     break;
@@ -252,7 +251,6 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
                     (ray.at(t), W::in_medium(vertex), Turn::Medium(phase))
                 }
                 Event::Surface(hit) => {
-                    alpha = share;
                     let Some(surfaces) = self.world.surfaces() else { break };
                     let interaction = surfaces.interaction(&hit, ray.direction);
                     if interaction.emission != Vec3::ZERO {
@@ -280,7 +278,8 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
                     (p, vertex, Turn::Surface(bsdf, interaction))
                 }
             };
-            let strongest = beta.max_element();
+            // Weights of flights through media whose bounds do not hold have either sign.
+            let strongest = beta.abs().max_element();
             if !(strongest > 0.0) {
                 break;
             }
@@ -395,10 +394,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         }
         counters.bounces += u64::from(bounces - begun);
         counters.add_tally(&tally);
-        if bounces > 0 {
-            alpha = share;
-        }
-        (radiance, alpha)
+        (radiance, transmitted)
     }
 
     /// Radiance from infinity along an escaping ray, weighted against shadow rays where they cover it.
@@ -551,7 +547,9 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         }
         let threshold = (SHADOW_ROULETTE / (importance / survive)).min(0.5);
         let leg = Leg { ray: &ray, start: at.start, t_max: light.distance };
-        let shadow = self.media.transmittance(leg, threshold, at.beta, sampler, tally);
+        // A path that goes on towards the light carries the throughput behind the vertex: its decisions along the way are weighed by that.
+        let behind = at.beta * value;
+        let shadow = self.media.transmittance(leg, threshold, behind, sampler, tally);
         let mut weight = 1.0 / (choice.probability * survive);
         let mut arrives = shadow.transmittance * light.weight;
         if MIS && light.pdf > 0.0 {
@@ -567,7 +565,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
                 arrives *= Vec3::splat(pdf_light) / (Vec3::splat(pdf_light) + pdf_path);
             } else {
                 // Null decisions are weighted by the throughput of their channels.
-                let nulls = at.beta.dot(shadow.null_probability) / at.beta.element_sum();
+                let nulls = shadow.null_probability.mean_by(behind);
                 weight *= pdf_light / (pdf_light + pdf * nulls);
             }
         }
@@ -584,7 +582,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         {
             arrives *= interior::transmittance(body, light.distance);
         }
-        at.beta * value * arrives * weight
+        behind * arrives * weight
     }
 
     /// Weight of an equiangular point at `t` against a flight that ends there: the balance heuristic between the density of the points and that
@@ -648,7 +646,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         });
         tally.lookups += 1;
         let unshadowed = beta * scattered * sample.weight * (weight / pdf) as f32;
-        if !(unshadowed.max_element() > 0.0) {
+        if !(unshadowed.abs().max_element() > 0.0) {
             return Vec3::ZERO;
         }
         counters.shadow_rays += 1;

@@ -259,7 +259,7 @@ impl Plan {
         let equiangular = !laws && choose_equiangular(scene, settings, &lights, &mut reasons);
         if laws && lights.need_mis() {
             reasons.push("weights leave the way out: a law has no null collisions".into());
-        } else if !laws && mis && !methods.weigh_the_way() {
+        } else if !laws && mis && !methods.weigh_the_way(grey) {
             reasons.push(format!(
                 "{} and {} have no common density along a path: weights leave the way out",
                 methods.distance.name(),

@@ -102,10 +102,14 @@ pub(crate) struct Methods {
 }
 
 impl Methods {
-    /// Whether weights count the densities along the way: of null collisions, which trackers and ratio tracking share, or of the
+    /// Whether weights count the densities along the way through a medium, grey or not: of null collisions, which trackers and ratio tracking share, or of the
     /// escape, which regular tracking knows. Others leave them out, on both sides.
-    pub(crate) fn weigh_the_way(self) -> bool {
+    ///
+    /// With several channels a shadow ray knows the null probability of each; the density of a flight is their mean by the throughput at its start. Delta tracking
+    /// decides by the plain mean at every collision, and the product of those means is none of a product per channel.
+    pub(crate) fn weigh_the_way(self, grey: bool) -> bool {
         match self.transmittance {
+            Estimator::Ratio if !grey && self.distance == DistanceSampler::Delta => false,
             Estimator::Ratio => self.distance.decides_at_collisions(),
             Estimator::Regular => {
                 matches!(self.distance, DistanceSampler::Regular | DistanceSampler::Analytic)

@@ -307,7 +307,7 @@ impl<'a> Overlapping<'a> {
         rng: &mut R,
         tally: &mut Tally,
     ) -> (C::Value, C::Value) {
-        let known = self.methods.weigh_the_way();
+        let known = self.methods.weigh_the_way(C::Value::COUNT == 1);
         if self.methods.transmittance == Estimator::Ratio {
             let estimate = entry.with_field(ShadowAlone { channels, threshold, rng, tally });
             let nulls = if known { estimate.null_probability } else { C::Value::ONE };
@@ -383,10 +383,12 @@ impl<'a> Overlapping<'a> {
         let relative = medium.relative_extinction();
         let depth = first.unwrap_or_else(|| exponential(rng));
         let (beta, relative) = (flown.beta, (relative != Vec3::ONE).then_some(relative));
+        let weighted =
+            self.methods.weigh_the_way(relative.is_none()) && !endless(medium, ray, t_max);
         let flight =
             entry.with_field(FlyAlone { depth, beta, relative, by_throughput, rng, tally });
         flown.beta *= flight.weight;
-        if self.methods.weigh_the_way() && !endless(medium, ray, t_max) {
+        if weighted {
             flown.null_probability *= flight.null_probability;
         }
         match flight.flight {
@@ -427,7 +429,7 @@ impl<'a> Overlapping<'a> {
                 (color.flight, color.null_probability)
             };
             // What shadow rays know in closed form is counted on escape.
-            let counted = self.methods.weigh_the_way()
+            let counted = self.methods.weigh_the_way(relative == Vec3::ONE)
                 && closed_form(medium, ray, 0.0).is_none()
                 && !endless(medium, ray, t_max);
             if counted {
@@ -505,7 +507,8 @@ impl Media for Overlapping<'_> {
                 let next = walk.next(rng);
                 let medium = &self.media[index];
                 let relative = medium.relative_extinction();
-                let weighted = self.methods.weigh_the_way() && !endless(medium, ray, t_max);
+                let weighted = self.methods.weigh_the_way(relative == Vec3::ONE)
+                    && !endless(medium, ray, t_max);
                 walkers.push(Walker {
                     medium: index,
                     t_enter: entry.t(),

@@ -30,7 +30,7 @@ pub(crate) struct SingleChromatic<'a, V, S> {
 /// One for the channels that have throughput, zero for others.
 #[inline(always)]
 fn present(beta: Vec3) -> Vec3 {
-    Spectrum::map(beta, |b| if b > 0.0 { 1.0 } else { 0.0 })
+    Spectrum::map(beta, |b| if b != 0.0 { 1.0 } else { 0.0 })
 }
 
 impl<V: Voxel, S: Structures> Media for SingleChromatic<'_, V, S> {

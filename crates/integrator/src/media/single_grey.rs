@@ -97,7 +97,7 @@ impl<V: Voxel, S: Structures> SingleGrey<'_, V, S> {
         let field = S::ray(self.medium, self.voxels, span, 1.0);
         let estimator = self.methods.transmittance;
         let transmittance = Vec3::splat(estimator.estimate(field, Grey, threshold, rng, tally));
-        let known = self.methods.weigh_the_way();
+        let known = self.methods.weigh_the_way(true);
         Shadow { transmittance, null_probability: if known { transmittance } else { Vec3::ONE } }
     }
 
@@ -114,7 +114,7 @@ impl<V: Voxel, S: Structures> SingleGrey<'_, V, S> {
         let field = S::ray(self.medium, self.voxels, span, 1.0);
         let result = self.methods.distance.fly(field, Grey, 1.0, first, rng, tally);
         flown.beta *= result.weight;
-        if self.methods.weigh_the_way() {
+        if self.methods.weigh_the_way(true) {
             flown.null_probability *= result.null_probability;
         }
         result.flight
