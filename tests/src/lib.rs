@@ -5,8 +5,8 @@ use glam::{DAffine3, DVec3, Vec3};
 use pileus_film::{Film, Filter, Image};
 use pileus_integrator::{Counters, Plan, RenderSettings, Unmonitored, render};
 use pileus_media::{
-    Albedo, EmissionField, EmissionSource, GridMedium, HomogeneousMedium, Interpolation, Medium,
-    Phase, VoxelGrid, VoxelGridOptions,
+    Albedo, EmissionField, EmissionSource, ExactField, GridMedium, HomogeneousMedium,
+    Interpolation, Medium, Phase, Tally, VoxelGrid, VoxelGridOptions, law,
 };
 use pileus_scene::volume::DefaultScale;
 use pileus_scene::{
@@ -117,6 +117,27 @@ pub fn scene(media: Vec<Medium>, position: DVec3, target: DVec3, fov_y: f64) -> 
         surfaces: None,
         not_modelled: Vec::new(),
     }
+}
+
+/// Transmittance of all media of a scene along a segment from where nothing is correlated with them, per channel; exact, by their optical depths and their laws.
+pub fn transmittance(scene: &Scene, p: DVec3, d: DVec3, t_max: f64) -> DVec3 {
+    let mut product = DVec3::ONE;
+    for volume in &scene.volumes {
+        let depth = match &*volume.medium {
+            Medium::Grid(grid) => grid
+                .span(p, d.as_vec3(), t_max)
+                .map_or(0.0, |span| grid.any_ray(&span).optical_depth(&mut Tally::default())),
+            Medium::Homogeneous(medium) => medium
+                .span(p, d.as_vec3(), t_max)
+                .map_or(0.0, |(_, length)| f64::from(medium.scale()) * f64::from(length)),
+        };
+        let depths = volume.medium.relative_extinction().as_dvec3() * depth;
+        product *= DVec3::from_array(depths.to_array().map(|depth| match volume.medium.law() {
+            Some(law) => law.survival(law::Start::Uncorrelated, depth),
+            None => (-depth).exp(),
+        }));
+    }
+    product
 }
 
 /// A sun.

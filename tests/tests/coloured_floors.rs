@@ -15,7 +15,7 @@ use pileus_film::Film;
 use pileus_integrator::{Distance, Plan, RenderSettings, Transmittance, Unmonitored, render};
 use pileus_media::distance::DistanceSampler;
 use pileus_media::transmittance::Estimator;
-use pileus_media::{ExactField, Interpolation, Medium, Phase, Tally};
+use pileus_media::{Interpolation, Medium, Phase};
 use pileus_scene::{Bsdf, Camera, EnvironmentImage, Light, Point, Scene, Spot};
 use pileus_tests::*;
 use pileus_vdb::Tree;
@@ -145,24 +145,6 @@ fn case((_, floor): &(&str, Value), (_, media): (&str, Vec<Medium>), light: usiz
     }
     let expected = expected(&made, light);
     Case { scene: made, expected }
-}
-
-/// Transmittance of all media along a segment, exact.
-fn transmittance(scene: &Scene, p: DVec3, d: DVec3, t_max: f64) -> DVec3 {
-    let mut depth = DVec3::ZERO;
-    for volume in &scene.volumes {
-        let relative = volume.medium.relative_extinction().as_dvec3();
-        let own = match &*volume.medium {
-            Medium::Grid(grid) => grid
-                .span(p, d.as_vec3(), t_max)
-                .map_or(0.0, |span| grid.any_ray(&span).optical_depth(&mut Tally::default())),
-            Medium::Homogeneous(medium) => medium
-                .span(p, d.as_vec3(), t_max)
-                .map_or(0.0, |(_, length)| f64::from(medium.scale()) * f64::from(length)),
-        };
-        depth += relative * own;
-    }
-    DVec3::from_array(depth.to_array().map(|d| (-d).exp()))
 }
 
 fn expected(scene: &Scene, light: usize) -> [f64; 3] {
