@@ -376,10 +376,34 @@ fn sizes() -> Row {
     [floors().len(), media().len(), LIGHTS.len(), distances().len(), transmittances().len()]
 }
 
-/// Every pair of two axes.
+/// Rows in which weights count the way: lights that shadow rays and paths both meet, under methods that share a density. These are few among all pairs.
+fn weighted() -> Vec<Row> {
+    let axis = |name: &str| LIGHTS.iter().position(|light| *light == name).expect("a light");
+    let distance = |s| distances().iter().position(|d| *d == Distance::By(s)).expect("a sampler");
+    let estimator =
+        |e| transmittances().iter().position(|t| *t == Transmittance::By(e)).expect("an estimator");
+    let ratio = estimator(Estimator::Ratio);
+    let methods = [
+        [0, 0],
+        [distance(DistanceSampler::Delta), ratio],
+        [distance(DistanceSampler::Decomposition), ratio],
+        [distance(DistanceSampler::Regular), estimator(Estimator::Regular)],
+    ];
+    let mut rows = Vec::new();
+    for (m, [distance, transmittance]) in methods.into_iter().enumerate() {
+        for (l, light) in ["sun's disc", "image", "mesh"].map(axis).into_iter().enumerate() {
+            rows.push([(m + l) % 3, (m + 2 * l) % 5, light, distance, transmittance]);
+        }
+    }
+    rows
+}
+
+/// Every pair of two axes, and what weights count.
 #[test]
 fn every_pair_agrees_with_quadrature() {
-    run(&covering(sizes()));
+    let mut rows = covering(sizes());
+    rows.extend(weighted());
+    run(&rows);
 }
 
 /// The whole product, some 10,000 rows.
