@@ -157,9 +157,9 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         // What directions drawn by fires have put on the throughput.
         let mut drawn = 1.0f32;
         let mut start: Start = None;
-        // Whether the ray is still the camera's, and bounces after which the path is cut: what goes straight through panes is as if they were not there.
+        // Whether the ray is still the camera's, and how many panes the path went straight through: these are no bounces to `max_bounces`.
         let mut camera = true;
-        let mut most_bounces = self.max_bounces;
+        let mut crossed = 0;
         loop {
             let hit = self.world.intersect(&ray, camera, sampler);
             let t_surface = hit.as_ref().map_or(f64::INFINITY, |hit| hit.t);
@@ -171,7 +171,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
             };
             if EQUIANGULAR
                 && resumed.is_none()
-                && bounces < most_bounces
+                && bounces - crossed < self.max_bounces
                 && let Some(part) = part
             {
                 radiance += self.equiangular(&ray, part, beta, sampler, &mut tally, counters);
@@ -245,7 +245,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
                     break;
                 }
                 Event::Collision { t, phase, albedo } => {
-                    if bounces >= most_bounces {
+                    if bounces - crossed >= self.max_bounces {
                         counters.cut_by_max_bounces += 1;
                         bounces += 1;
                         break;
@@ -268,7 +268,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
                     let wo = -ray.direction;
                     let bsdf = bsdf(&interaction);
                     let p = interaction.p;
-                    if bounces >= most_bounces {
+                    if bounces - crossed >= self.max_bounces {
                         let straight = bsdf.straight_through(wo);
                         counters.cut_by_max_bounces += u64::from(straight != Vec3::ONE);
                         beta *= straight;
@@ -383,7 +383,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
                             pass_through(&mut inside, interaction);
                         }
                         if sample.transmitted && sample.delta && bsdf.passes_straight() {
-                            most_bounces = most_bounces.saturating_add(1);
+                            crossed += 1;
                         } else {
                             camera = false;
                         }
