@@ -8,6 +8,7 @@ mod expected;
 mod interior;
 mod lights;
 mod media;
+mod passage;
 mod path;
 mod pilot;
 mod plan;

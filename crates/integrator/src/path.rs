@@ -18,6 +18,7 @@ use crate::expected::Expected;
 use crate::interior::{self, Inside};
 use crate::lights::{Guide, Lights};
 use crate::media::{Ending, Flown, Leg, Media, Ray, Start};
+use crate::passage::{Passage, bsdf};
 use crate::sampler::PathSampler;
 use crate::world::{InMedium, Vertex, World, luminance};
 use glam::{DVec3, Vec3};
@@ -155,8 +156,11 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         // What directions drawn by fires have put on the throughput.
         let mut drawn = 1.0f32;
         let mut start: Start = None;
+        // Whether the ray is still the camera's, and how many panes the path went straight through: these are no bounces to `max_bounces`.
+        let mut camera = true;
+        let mut crossed = 0;
         loop {
-            let hit = self.world.intersect(&ray, sampler);
+            let hit = self.world.intersect(&ray, camera, sampler);
             let t_surface = hit.as_ref().map_or(f64::INFINITY, |hit| hit.t);
             // Equal angles ignore what fills a body: inside one, flights do alone.
             let part = if EQUIANGULAR && inside.is_empty() {
@@ -166,7 +170,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
             };
             if EQUIANGULAR
                 && resumed.is_none()
-                && bounces < self.max_bounces
+                && bounces - crossed < self.max_bounces
                 && let Some(part) = part
             {
                 radiance += self.equiangular(&ray, part, beta, sampler, &mut tally, counters);
@@ -240,7 +244,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
                     break;
                 }
                 Event::Collision { t, phase, albedo } => {
-                    if bounces >= self.max_bounces {
+                    if bounces - crossed >= self.max_bounces {
                         counters.cut_by_max_bounces += 1;
                         bounces += 1;
                         break;
@@ -259,21 +263,25 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
                             self.weight_of_lamp(&ray, met, last.as_ref(), flown.null_probability);
                         radiance += beta * interaction.emission * weight;
                     }
-                    if bounces >= self.max_bounces {
-                        counters.cut_by_max_bounces += 1;
-                        bounces += 1;
-                        break;
+                    let wo = -ray.direction;
+                    let bsdf = bsdf(&interaction);
+                    let p = interaction.p;
+                    if bounces - crossed >= self.max_bounces {
+                        let straight = bsdf.straight_through(wo);
+                        counters.cut_by_max_bounces += u64::from(straight != Vec3::ONE);
+                        beta *= straight;
+                        let through = W::at_surface(bsdf, wo, interaction);
+                        let Some(vertex) = through.filter(|_| beta != Vec3::ZERO) else {
+                            bounces += 1;
+                            break;
+                        };
+                        pass_through(&mut inside, &interaction);
+                        last = Some(Last { p, vertex, pdf: 0.0 });
+                        ray = Ray { origin: interaction.spawn(ray.direction), ..ray };
+                        start = None;
+                        continue;
                     }
                     bounces += 1;
-                    let wo = -ray.direction;
-                    let side = if interaction.front_face { 1.0 } else { -1.0 };
-                    let bsdf = Bsdf::new(
-                        &interaction.parameters,
-                        interaction.shading_normal * side,
-                        interaction.geometric_normal * side,
-                        interaction.front_face,
-                    );
-                    let p = interaction.p;
                     let Some(vertex) = W::at_surface(bsdf, wo, interaction) else { break };
                     (p, vertex, Turn::Surface(bsdf, interaction))
                 }
@@ -346,6 +354,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
                 };
                 let u = [u[0], uniform(sampler), u[1], u[2]];
                 let Some(wi) = self.lights.fires().sample(guide, u) else { break };
+                camera = false;
                 let (value, _, own) = vertex.eval(wi);
                 if !(own > 0.0) {
                     break;
@@ -361,13 +370,21 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
                 (wi, own)
             } else {
                 match &turn {
-                    Turn::Medium(phase) => phase.sample(ray.direction, [u_phase0, u_phase1]),
+                    Turn::Medium(phase) => {
+                        camera = false;
+                        phase.sample(ray.direction, [u_phase0, u_phase1])
+                    }
                     Turn::Surface(bsdf, interaction) => {
                         let u = [u_phase0, u_phase1, uniform(sampler)];
                         let Some(sample) = bsdf.sample(-ray.direction, u) else { break };
                         beta *= sample.weight;
                         if sample.transmitted {
                             pass_through(&mut inside, interaction);
+                        }
+                        if sample.transmitted && sample.delta && bsdf.passes_straight() {
+                            crossed += 1;
+                        } else {
+                            camera = false;
                         }
                         (sample.wi, sample.pdf)
                     }
@@ -542,14 +559,30 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         }
         counters.shadow_rays += 1;
         let ray = Ray { origin: at.vertex.origin(at.p, light.wi), direction: light.wi };
-        if self.world.occluded(&ray, light.distance, light.end, sampler) {
+        // A light without extent shines through panes; in scenes without panes none of this is asked.
+        let mut passage = None;
+        if W::WHOLE
+            && light.pdf == 0.0
+            && let Some(surfaces) = self.world.panes()
+        {
+            let inside = at.vertex.inside(at.inside, light.wi);
+            passage = Passage::along(surfaces, &ray, light.distance, inside, sampler);
+            if passage.is_none() {
+                return Vec3::ZERO;
+            }
+        } else if self.world.occluded(&ray, light.distance, light.end, sampler) {
             return Vec3::ZERO;
         }
         let threshold = (SHADOW_ROULETTE / (importance / survive)).min(0.5);
         let leg = Leg { ray: &ray, start: at.start, t_max: light.distance };
         // A path that goes on towards the light carries the throughput behind the vertex: its decisions along the way are weighed by that.
         let behind = at.beta * value;
-        let shadow = self.media.transmittance(leg, threshold, behind, sampler, tally);
+        let shadow = match &passage {
+            Some(passage) if M::LAWS => {
+                passage.transmittance(&self.media, (leg, threshold), behind, sampler, tally)
+            }
+            _ => self.media.transmittance(leg, threshold, behind, sampler, tally),
+        };
         let mut weight = 1.0 / (choice.probability * survive);
         let mut arrives = shadow.transmittance * light.weight;
         if MIS && light.pdf > 0.0 {
@@ -577,10 +610,12 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
             let t = (at.p - at.flight.ray.origin).length();
             weight *= 1.0 - self.equiangular_weight(at.flight.ray, part, position, t) as f32;
         }
-        if W::WHOLE
-            && let Some(body) = at.vertex.body(at.inside, light.wi)
-        {
-            arrives *= interior::transmittance(body, light.distance);
+        if W::WHOLE {
+            if let Some(passage) = &passage {
+                arrives *= passage.attenuation;
+            } else if let Some(body) = at.vertex.body(at.inside, light.wi) {
+                arrives *= interior::transmittance(body, light.distance);
+            }
         }
         behind * arrives * weight
     }
@@ -651,7 +686,17 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         }
         counters.shadow_rays += 1;
         let to_light = Ray { origin: p, direction: sample.wi };
-        if self.world.occluded(&to_light, sample.distance, None, sampler) {
+        let mut passed = Vec3::ONE;
+        if let Some(surfaces) = self.world.panes() {
+            // Equal angles are for where no body is.
+            let outside = Inside::new();
+            let Some(passage) =
+                Passage::along(surfaces, &to_light, sample.distance, outside, sampler)
+            else {
+                return Vec3::ZERO;
+            };
+            passed = passage.attenuation;
+        } else if self.world.occluded(&to_light, sample.distance, None, sampler) {
             return Vec3::ZERO;
         }
         // The plan keeps laws that are not exponential away from these points: where rays start does not matter.
@@ -663,7 +708,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         }
         let on = leg(&to_light, sample.distance);
         let on = self.media.transmittance(on, SHADOW_ROULETTE, beta, sampler, tally);
-        unshadowed * there.transmittance * on.transmittance
+        unshadowed * there.transmittance * on.transmittance * passed
     }
 }
 
@@ -675,6 +720,7 @@ enum Turn<'a> {
 }
 
 /// A path crosses a surface.
+#[inline]
 fn pass_through(inside: &mut Inside, interaction: &Interaction) {
     if !interaction.parameters.thin_walled {
         inside.cross(interaction);

@@ -19,6 +19,9 @@ pub(crate) trait Vertex {
 
     /// The body that a ray towards `wi` starts in, of a path that came in `inside`: across a surface it is another.
     fn body<'a>(&'a self, inside: &'a Inside, wi: Vec3) -> Option<&'a Interior>;
+
+    /// All bodies that a ray towards `wi` starts in, of a path that came in `inside`.
+    fn inside(&self, inside: &Inside, wi: Vec3) -> Inside;
 }
 
 /// A scattering in a medium.
@@ -44,6 +47,11 @@ impl Vertex for InMedium<'_> {
     #[inline(always)]
     fn body<'a>(&'a self, inside: &'a Inside, _: Vec3) -> Option<&'a Interior> {
         inside.last()
+    }
+
+    #[inline(always)]
+    fn inside(&self, inside: &Inside, _: Vec3) -> Inside {
+        inside.clone()
     }
 }
 
@@ -78,17 +86,29 @@ impl Vertex for Anywhere<'_> {
     #[inline]
     fn body<'a>(&'a self, inside: &'a Inside, wi: Vec3) -> Option<&'a Interior> {
         match self {
-            Anywhere::Surface { wo, interaction, .. }
-                if !interaction.parameters.thin_walled
-                    && wi.dot(interaction.geometric_normal)
-                        * wo.dot(interaction.geometric_normal)
-                        < 0.0 =>
-            {
+            Anywhere::Surface { wo, interaction, .. } if crosses(interaction, *wo, wi) => {
                 inside.across(interaction)
             }
             _ => inside.last(),
         }
     }
+
+    fn inside(&self, inside: &Inside, wi: Vec3) -> Inside {
+        let mut inside = inside.clone();
+        if let Anywhere::Surface { wo, interaction, .. } = self
+            && crosses(interaction, *wo, wi)
+        {
+            inside.cross(interaction);
+        }
+        inside
+    }
+}
+
+/// Whether light that comes from `wi` and leaves towards `wo` crosses the surface of a body.
+#[inline]
+fn crosses(interaction: &Interaction, wo: Vec3, wi: Vec3) -> bool {
+    let normal = interaction.geometric_normal;
+    !interaction.parameters.thin_walled && wi.dot(normal) * wo.dot(normal) < 0.0
 }
 
 /// Luminance of linear Rec. 709.
@@ -112,13 +132,23 @@ pub(crate) trait World: Sync {
     /// Volumes that give off light.
     fn fires(&self) -> &[Arc<EmissionField>];
 
-    /// The nearest surface on a ray.
+    /// The nearest surface on a ray; `camera`: it is still the camera's own, which backs of single-sided surfaces do not stop.
     #[inline(always)]
-    fn intersect<R: Rng>(&self, ray: &Ray, rng: &mut R) -> Option<Hit> {
+    fn intersect<R: Rng>(&self, ray: &Ray, camera: bool, rng: &mut R) -> Option<Hit> {
         if !Self::WHOLE {
             return None;
         }
-        self.surfaces()?.intersect(ray.origin, ray.direction, f64::INFINITY, rng)
+        let surfaces = self.surfaces()?;
+        if camera {
+            return surfaces.seen(ray.origin, ray.direction, f64::INFINITY, rng);
+        }
+        surfaces.intersect(ray.origin, ray.direction, f64::INFINITY, rng)
+    }
+
+    /// The surfaces, if light may go straight through one of them.
+    #[inline(always)]
+    fn panes(&self) -> Option<&Surfaces> {
+        if Self::WHOLE { self.surfaces().filter(|surfaces| surfaces.has_panes()) } else { None }
     }
 
     /// Whether a surface hides what lies at `distance`, or at `end` if that is a point of a surface itself.

@@ -114,7 +114,7 @@ impl Scene {
         };
         let mut loader = VolumeLoader::default();
         loader.seconds_load = start.elapsed().as_secs_f64();
-        let GltfSurfaces { surfaces, mut notes } = surfaces;
+        let GltfSurfaces { surfaces, mut notes, .. } = surfaces;
         let volumes = load_volumes(&mut loader, &request, file.as_ref(), &mut notes)?;
         let (camera, note) = choose_camera(&request, file.as_ref(), &volumes, surfaces.as_ref())?;
         notes.extend(note);

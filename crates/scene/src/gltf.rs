@@ -13,6 +13,7 @@ use crate::error::{Error, Place};
 use crate::gltf_material;
 use crate::gltf_mesh::{self, INSTANCING};
 pub use crate::gltf_mesh::{GltfMesh, GltfSurfaces};
+use crate::gltf_texture;
 use crate::gltf_volume::{EXTENSION, volume_of_node};
 use crate::json::Document;
 use crate::light::{Light, Point, Spot, Sun};
@@ -149,8 +150,9 @@ pub fn parse_with_surfaces(
     let parts = Parts::split(path.as_ref(), bytes)?;
     let document = Document::new(path.as_ref(), parts.json);
     let root = read_root(&document)?;
-    let scene = walk(&document, &root, lumens_per_watt)?;
+    let mut scene = walk(&document, &root, lumens_per_watt)?;
     let surfaces = gltf_mesh::load(&document, &root, parts.bin, &scene.meshes, rule)?;
+    scene.not_modelled.extend(surfaces.not_modelled.iter().cloned());
     Ok((scene, surfaces))
 }
 
@@ -282,7 +284,9 @@ fn json_text<'a>(path: &Path, bytes: &'a [u8]) -> Result<&'a str, Error> {
 
 fn check_required(document: &Document, root: &json::Root) -> Result<(), Error> {
     let required = root.extensions_required.iter().map(String::as_str);
-    let unknown: Vec<&str> = required.filter(|name| !is_modelled(name)).collect();
+    let unknown: Vec<&str> = required
+        .filter(|name| !is_modelled(name) && !gltf_texture::IMAGE_FORMATS.contains(name))
+        .collect();
     if unknown.is_empty() {
         return Ok(());
     }

@@ -1,26 +1,92 @@
 //! Materials of a glTF file: metallic-roughness and the extensions that are modelled.
 
+use std::collections::{BTreeMap, BTreeSet};
+
 use glam::{Vec3, Vec4};
 use pileus_media::elementary::ln;
 use serde::Deserialize;
+use serde_json::Value;
 
 use crate::error::Error;
 use crate::gltf_texture::{Meaning, TextureInfo, Textures};
 use crate::json::Document;
-use crate::surface::{Alpha, Interior, Material, Texture, single_scattering_albedo};
+use crate::surface::{Alpha, Interior, Material, Scatter, Texture};
 
 /// Extensions of materials that are modelled.
-pub(crate) const MODELLED: [&str; 10] = [
+pub(crate) const MODELLED: [&str; 11] = [
     "KHR_materials_clearcoat",
     "KHR_materials_diffuse_transmission",
     "KHR_materials_emissive_strength",
     "KHR_materials_ior",
+    "KHR_materials_scatter",
     "KHR_materials_sheen",
     "KHR_materials_specular",
     "KHR_materials_transmission",
     "KHR_materials_unlit",
     "KHR_materials_volume",
     "KHR_materials_volume_scatter",
+];
+
+/// The keys of what is modelled, in the version that is read; those without an effect here are the
+/// ones that the specification keeps for renderers without rays, or that are listed by themselves.
+const KEYS: [(&str, &[&str]); 12] = [
+    (
+        "KHR_materials_clearcoat",
+        &[
+            "clearcoatFactor",
+            "clearcoatTexture",
+            "clearcoatRoughnessFactor",
+            "clearcoatRoughnessTexture",
+            "clearcoatNormalTexture",
+        ],
+    ),
+    (
+        "KHR_materials_diffuse_transmission",
+        &[
+            "diffuseTransmissionFactor",
+            "diffuseTransmissionTexture",
+            "diffuseTransmissionColorFactor",
+            "diffuseTransmissionColorTexture",
+        ],
+    ),
+    ("KHR_materials_emissive_strength", &["emissiveStrength"]),
+    ("KHR_materials_ior", &["ior"]),
+    (
+        "KHR_materials_scatter",
+        &[
+            "scatterStrengthFactor",
+            "scatterStrengthTexture",
+            "scatterFactor",
+            "scatterTexture",
+            "multiscatterColorFactor",
+            "multiscatterColorTexture",
+            "scatterAnisotropy",
+        ],
+    ),
+    (
+        "KHR_materials_sheen",
+        &["sheenColorFactor", "sheenColorTexture", "sheenRoughnessFactor", "sheenRoughnessTexture"],
+    ),
+    (
+        "KHR_materials_specular",
+        &["specularFactor", "specularTexture", "specularColorFactor", "specularColorTexture"],
+    ),
+    ("KHR_materials_transmission", &["transmissionFactor", "transmissionTexture"]),
+    ("KHR_materials_unlit", &[]),
+    (
+        "KHR_materials_volume",
+        &["thicknessFactor", "thicknessTexture", "attenuationDistance", "attenuationColor"],
+    ),
+    (
+        "KHR_materials_volume_scatter",
+        &[
+            "multiscatterColorFactor",
+            "multiscatterColorTexture",
+            "multiscatterColor",
+            "scatterAnisotropy",
+        ],
+    ),
+    ("KHR_texture_transform", &["offset", "rotation", "scale", "texCoord"]),
 ];
 
 #[derive(Debug, Deserialize)]
@@ -86,6 +152,8 @@ struct Extensions {
     emissive_strength: Option<EmissiveStrength>,
     #[serde(rename = "KHR_materials_ior")]
     ior: Option<Ior>,
+    #[serde(rename = "KHR_materials_scatter")]
+    scatter: Option<ScatterJson>,
     #[serde(rename = "KHR_materials_sheen")]
     sheen: Option<Sheen>,
     #[serde(rename = "KHR_materials_specular")]
@@ -203,30 +271,151 @@ impl Default for Volume {
     }
 }
 
-/// The draft's keys.
+/// The drafts' keys: `multiscatterColor` of 2025, and those of spring 2026.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default, rename_all = "camelCase")]
 struct VolumeScatter {
-    multiscatter_color: [f32; 3],
+    multiscatter_color: Option<[f32; 3]>,
+    multiscatter_color_factor: Option<[f32; 3]>,
+    multiscatter_color_texture: Option<TextureInfo>,
     scatter_anisotropy: f32,
+}
+
+/// The draft that replaces it; its text says `scatterStrengthFactor`, its schema `scatterFactor`.
+#[derive(Debug, Deserialize)]
+#[serde(default, rename_all = "camelCase")]
+struct ScatterJson {
+    #[serde(alias = "scatterFactor")]
+    scatter_strength_factor: f32,
+    #[serde(alias = "scatterTexture")]
+    scatter_strength_texture: Option<TextureInfo>,
+    multiscatter_color_factor: [f32; 3],
+    multiscatter_color_texture: Option<TextureInfo>,
+    scatter_anisotropy: f32,
+}
+
+impl Default for ScatterJson {
+    fn default() -> Self {
+        Self {
+            scatter_strength_factor: 0.0,
+            scatter_strength_texture: None,
+            multiscatter_color_factor: [1.0; 3],
+            multiscatter_color_texture: None,
+            scatter_anisotropy: 0.0,
+        }
+    }
 }
 
 /// Darkest attenuation colour: black would be an infinite extinction.
 const DARKEST: f32 = 1e-6;
 
-/// All materials of a file, and glTF's default material as one more at the end.
+/// The materials of a file, and glTF's default material as one more at the end. Those that are not
+/// among `used` are not looked at: default materials stand in their places. What has no effect is
+/// said in `not_modelled`.
 pub(crate) fn load(
     document: &Document,
     textures: &mut Textures<'_>,
+    used: &BTreeSet<usize>,
+    not_modelled: &mut Vec<String>,
 ) -> Result<Vec<Material>, Error> {
-    let found = document.parse_at::<Vec<MaterialJson>>("/materials").transpose()?;
+    let found = document.parse_at::<Vec<Value>>("/materials").transpose()?.unwrap_or_default();
+    let mut unknown = UnknownKeys::default();
     let mut materials = Vec::new();
-    for (i, json) in found.unwrap_or_default().iter().enumerate() {
-        let mut reader = Reader { document, textures, pointer: format!("/materials/{i}") };
-        materials.push(reader.material(json)?);
+    for (i, value) in found.iter().enumerate() {
+        if !used.contains(&i) {
+            materials.push(Material::default());
+            continue;
+        }
+        let pointer = format!("/materials/{i}");
+        let json = MaterialJson::deserialize(value).or_else(|error| {
+            // Read again where it stands, for the place of the fault.
+            let again = document.parse_at::<MaterialJson>(&pointer).transpose()?;
+            again.ok_or_else(|| {
+                let place = document.place(&pointer);
+                Error::invalid(place, error.to_string(), "export the file again")
+            })
+        })?;
+        unknown.find(value, &json.name);
+        let mut reader = Reader { document, textures, pointer };
+        let material = reader.material(&json)?;
+        let scatters = json.extensions.scatter.is_some_and(|s| s.scatter_strength_factor > 0.0);
+        if scatters && material.volume != Some(true) && material.transmission > 0.0 {
+            not_modelled.push(format!(
+                "scattering of thin walls (KHR_materials_scatter without a thickness in \
+                 KHR_materials_volume) in material `{}`: it is shown clear",
+                material.name
+            ));
+        }
+        materials.push(material);
     }
+    not_modelled.extend(unknown.sentences());
     materials.push(Material::default());
     Ok(materials)
+}
+
+/// Keys in extensions that are modelled which are not among [`KEYS`]: by extension and key how many
+/// materials have them, and the name of the first.
+#[derive(Default)]
+struct UnknownKeys(BTreeMap<(&'static str, String), (usize, String)>);
+
+/// Most unknown keys that are listed one by one.
+const MAX_LISTED: usize = 32;
+
+impl UnknownKeys {
+    /// Looks for such keys in a material, the textures in it included.
+    fn find(&mut self, material: &Value, name: &str) {
+        let mut keys = BTreeSet::new();
+        visit(material, &mut keys);
+        for key in keys {
+            let found = self.0.entry(key).or_insert_with(|| (0, name.to_owned()));
+            found.0 += 1;
+        }
+    }
+
+    fn sentences(&self) -> impl Iterator<Item = String> + '_ {
+        let more = self.0.len().saturating_sub(MAX_LISTED);
+        let one = |((extension, key), (count, name)): (&(&str, String), &(usize, String))| {
+            let others = match count - 1 {
+                0 => String::new(),
+                1 => " and one more".to_owned(),
+                n => format!(" and {n} more"),
+            };
+            let known = KEYS.iter().find(|(known, _)| known == extension).map_or(&[][..], |k| k.1);
+            let known = if known.is_empty() { "none".to_owned() } else { known.join(", ") };
+            format!(
+                "key `{key}` of {extension} in material `{name}`{others}: it is not known and has \
+                 no effect; known are {known}"
+            )
+        };
+        let rest = (more > 0).then(|| format!("{more} more unknown keys of extensions"));
+        self.0.iter().take(MAX_LISTED).map(one).chain(rest)
+    }
+}
+
+/// Collects unknown keys of the extensions anywhere in a value. The depth of JSON is bounded by its
+/// parser.
+fn visit(value: &Value, found: &mut BTreeSet<(&'static str, String)>) {
+    match value {
+        Value::Array(values) => values.iter().for_each(|value| visit(value, found)),
+        Value::Object(object) => {
+            let extensions = object.get("extensions").and_then(Value::as_object);
+            for (extension, content) in extensions.into_iter().flatten() {
+                let Some((extension, known)) = KEYS.iter().find(|(name, _)| name == extension)
+                else {
+                    continue;
+                };
+                for key in content.as_object().into_iter().flat_map(serde_json::Map::keys) {
+                    let common = key == "extensions" || key == "extras";
+                    if !common && !known.contains(&key.as_str()) {
+                        found.insert((extension, key.clone()));
+                    }
+                }
+            }
+            let parts = object.iter().filter(|(key, _)| *key != "extras");
+            parts.for_each(|(_, value)| visit(value, found));
+        }
+        _ => {}
+    }
 }
 
 struct Reader<'a, 'b> {
@@ -302,6 +491,7 @@ impl Reader<'_, '_> {
             material.sheen_color = Vec3::ZERO;
             material.volume = None;
             material.interior = None;
+            material.scatter = None;
         }
         Ok(material)
     }
@@ -430,19 +620,66 @@ impl Reader<'_, '_> {
         });
         let sigma_t = Vec3::from_array(sigma_t);
         self.check(sigma_t.is_finite(), &key("attenuationDistance"), what)?;
-        let mut interior = Interior { sigma_a: sigma_t, sigma_s: Vec3::ZERO, g: 0.0 };
-        if let Some(scatter) = &extensions.volume_scatter {
-            let key = |name: &str| format!("extensions/KHR_materials_volume_scatter/{name}");
-            let g = scatter.scatter_anisotropy;
-            let what = "the anisotropy is not between -1 and 1";
-            self.check(g.abs() < 1.0, &key("scatterAnisotropy"), what)?;
-            self.check_factor(&scatter.multiscatter_color, &key("multiscatterColor"))?;
-            let albedo = Vec3::from_array(
-                scatter.multiscatter_color.map(|c| single_scattering_albedo(c, g)),
-            );
-            interior = Interior { sigma_a: sigma_t * (1.0 - albedo), sigma_s: sigma_t * albedo, g };
+        if sigma_t == Vec3::ZERO {
+            return Ok(());
         }
-        material.interior = (sigma_t != Vec3::ZERO).then_some(interior);
+        let scatter = self.scatter(extensions, sigma_t)?;
+        material.interior = Some(match &scatter {
+            Some(s) => Interior::of_albedo(sigma_t, s.multiscatter, s.g),
+            None => Interior { sigma_a: sigma_t, sigma_s: Vec3::ZERO, g: 0.0 },
+        });
+        let textured =
+            |s: &Scatter| s.multiscatter_texture.is_some() || s.strength_texture.is_some();
+        material.scatter = scatter.filter(textured).map(Box::new);
         Ok(())
+    }
+
+    /// Scattering by either draft; where both stand, the newer one counts.
+    fn scatter(
+        &mut self,
+        extensions: &Extensions,
+        sigma_t: Vec3,
+    ) -> Result<Option<Scatter>, Error> {
+        let (name, color, color_key, texture, strength, g);
+        if let Some(scatter) = &extensions.scatter {
+            name = "KHR_materials_scatter";
+            (color, color_key) = (scatter.multiscatter_color_factor, "multiscatterColorFactor");
+            texture = &scatter.multiscatter_color_texture;
+            strength = (scatter.scatter_strength_factor, &scatter.scatter_strength_texture);
+            g = scatter.scatter_anisotropy;
+        } else if let Some(scatter) = &extensions.volume_scatter {
+            name = "KHR_materials_volume_scatter";
+            texture = &scatter.multiscatter_color_texture;
+            (color, color_key) =
+                match (scatter.multiscatter_color_factor, scatter.multiscatter_color) {
+                    (Some(color), _) => (color, "multiscatterColorFactor"),
+                    (None, Some(color)) => (color, "multiscatterColor"),
+                    // Black unless something is said, as in the drafts; a texture says something.
+                    (None, None) => {
+                        let color = if texture.is_some() { [1.0; 3] } else { [0.0; 3] };
+                        (color, "multiscatterColorFactor")
+                    }
+                };
+            strength = (1.0, &None);
+            g = scatter.scatter_anisotropy;
+        } else {
+            return Ok(None);
+        }
+        let key = |key: &str| format!("extensions/{name}/{key}");
+        let what = "the anisotropy is not between -1 and 1";
+        self.check(g.abs() < 1.0, &key("scatterAnisotropy"), what)?;
+        self.check_factor(&color, &key(color_key))?;
+        self.check_factor(&[strength.0], &key("scatterStrengthFactor"))?;
+        let texture = self.texture(texture, Meaning::Color, &key("multiscatterColorTexture"))?;
+        // Its alpha counts, which is the same in an image of colours: often one and the same.
+        let strength_texture =
+            self.texture(strength.1, Meaning::Color, &key("scatterStrengthTexture"))?;
+        Ok(Some(Scatter {
+            sigma_t,
+            multiscatter: Vec3::from_array(color) * strength.0.min(1.0),
+            multiscatter_texture: texture,
+            strength_texture,
+            g,
+        }))
     }
 }

@@ -1,6 +1,6 @@
 //! Meshes of a glTF file and where its nodes place them.
 
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 
 use glam::{DAffine3, DQuat, DVec3, Vec3};
 use gltf::json;
@@ -39,6 +39,8 @@ pub struct GltfSurfaces {
     pub surfaces: Option<Surfaces>,
     /// What was chosen or left out, as sentences for people.
     pub notes: Vec<String>,
+    /// What its materials say and the picture leaves out.
+    pub not_modelled: Vec<String>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -71,7 +73,10 @@ pub(crate) fn load(
         return Ok(GltfSurfaces::default());
     }
     let buffers = Buffers::new(document, root, bin);
-    let materials = gltf_material::load(document, &mut Textures::new(&buffers))?;
+    let mut not_modelled = Vec::new();
+    let used = used_materials(root, placed);
+    let mut textures = Textures::new(&buffers);
+    let materials = gltf_material::load(document, &mut textures, &used, &mut not_modelled)?;
     let mut loader = Loader {
         accessors: Accessors::new(&buffers),
         buffers: &buffers,
@@ -123,7 +128,19 @@ pub(crate) fn load(
     if flat > 0 {
         notes.push(format!("{flat} meshes are scaled to nothing by their nodes and not shown"));
     }
-    Ok(GltfSurfaces { surfaces, notes })
+    Ok(GltfSurfaces { surfaces, notes, not_modelled })
+}
+
+/// Numbers of the materials of all surfaces that are placed: others stop no picture.
+fn used_materials(root: &json::Root, placed: &[GltfMesh]) -> BTreeSet<usize> {
+    let meshes: BTreeSet<usize> = placed.iter().map(|node| node.mesh).collect();
+    let meshes = meshes.into_iter().filter_map(|mesh| root.meshes.get(mesh));
+    meshes
+        .flat_map(|mesh| &mesh.primitives)
+        .filter(|primitive| matches!(primitive.mode, Checked::Valid(mode) if is_surface(mode)))
+        .filter_map(|primitive| primitive.material)
+        .map(|material| material.value())
+        .collect()
 }
 
 struct Loader<'a> {

@@ -54,6 +54,11 @@ impl Default for Transform {
     }
 }
 
+/// Extensions that give textures an image in another format. A file may require them: what stops is
+/// a texture in use that has no other image.
+pub(crate) const IMAGE_FORMATS: [&str; 4] =
+    ["EXT_texture_avif", "EXT_texture_webp", "KHR_texture_basisu", "MSFT_texture_dds"];
+
 /// What the texels of an image mean.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub(crate) enum Meaning {

@@ -37,7 +37,7 @@ pub use error::{Error, Place};
 pub use light::{Light, Point, Spot, Sun};
 pub use sky::{ClearSky, SkyFault, default_sky};
 pub use surface::{
-    EmissiveTriangle, GlassRule, Hit, Interaction, Interior, SurfaceParameters, Surfaces,
+    EmissiveTriangle, GlassRule, Hit, Interaction, Interior, Obstacle, SurfaceParameters, Surfaces,
 };
 pub use volume::{Volume, VolumeSource};
 pub use volume_spec::VolumeSpec;

@@ -50,5 +50,9 @@ pub(crate) fn prepare(input: &InputOptions, overrides: &Overrides) -> Result<Pre
         }
     }
     let plan = Plan::new(&loaded.scene, &settings.render)?;
+    // What the plan adds to what the files say.
+    for item in plan.not_modelled.iter().skip(loaded.scene.not_modelled.len()) {
+        tracing::warn!("not modelled: {item}");
+    }
     Ok(Prepared { settings, loaded, plan })
 }

@@ -5,13 +5,38 @@ use std::f32::consts::FRAC_1_PI;
 use glam::Vec3;
 
 use super::compensation::{ReflectionAlbedo, multiple_bounces};
-use super::dielectric::Interface;
+use super::dielectric::{Interface, contrast};
 use super::fresnel::{Dielectric, SCHLICK_AVERAGE, at_normal, schlick};
 use super::ggx::Ggx;
 use crate::surface::SurfaceParameters;
 
 /// Below this product of width and contrast of indices a refracting body bends less than its facets can be told apart by.
 const STRAIGHT: f32 = 1e-4;
+
+/// What becomes of the light that a dielectric lets through.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Passing {
+    /// It goes straight on: a smooth thin wall, or a body of index 1 whatever its roughness.
+    Straight,
+    /// It is bent into one direction: a smooth body.
+    Bent,
+    /// It leaves in many directions.
+    Scattered,
+}
+
+impl Passing {
+    /// Of a surface of a perceptual roughness in [0, 1] that bounds a body of an index, at least 1, or is a
+    /// thin wall.
+    pub(crate) fn of(roughness: f32, body: Option<f32>) -> Passing {
+        let ggx = Ggx::new(roughness);
+        match body.map(contrast) {
+            Some(0.0) => Passing::Straight,
+            Some(contrast) if ggx.is_none_or(|g| g.alpha() * contrast < STRAIGHT) => Passing::Bent,
+            None if ggx.is_none() => Passing::Straight,
+            _ => Passing::Scattered,
+        }
+    }
+}
 
 /// Everything below sheen and coat.
 ///
@@ -31,6 +56,8 @@ pub(super) struct Base {
     passed: Vec3,
     /// Whether that is a delta lobe.
     passed_is_delta: bool,
+    /// Whether it goes straight on.
+    straight: bool,
     look: Dielectric,
     /// Albedo of the dielectric's reflection, strongest channel: `[0] + [1] first + [2] second` of [`ReflectionAlbedo`].
     layer: [f32; 3],
@@ -65,8 +92,7 @@ impl Base {
             refracts.then(|| (Interface::new(p.ior, look, entering), dielectric * p.transmission));
         let schlicks = if refracts { dielectric * (1.0 - p.transmission) } else { dielectric };
         let passed = dielectric * p.transmission * color;
-        let bends_little = |i: &Interface| ggx.is_none_or(|g| g.alpha() * i.contrast() < STRAIGHT);
-        let passed_is_delta = body.as_ref().map_or(ggx.is_none(), |(i, _)| bends_little(i));
+        let passing = Passing::of(p.roughness, refracts.then_some(p.ior));
 
         let bounces = |f0: Vec3, strength: f32| {
             multiple_bounces(strength * (f0 + (Vec3::ONE - f0) * SCHLICK_AVERAGE), one)
@@ -99,7 +125,8 @@ impl Base {
             ],
             body,
             passed,
-            passed_is_delta,
+            passed_is_delta: passing != Passing::Scattered,
+            straight: passing == Passing::Straight && passed.max_element() > 0.0,
             look,
             layer,
             diffuse,
@@ -117,6 +144,12 @@ impl Base {
     #[inline]
     pub(super) fn is_body(&self) -> bool {
         self.body.is_some()
+    }
+
+    /// Whether there is light that goes straight on, as if nothing were there that bends it.
+    #[inline]
+    pub(super) fn is_straight(&self) -> bool {
+        self.straight
     }
 
     /// Whether all lobes are delta lobes.

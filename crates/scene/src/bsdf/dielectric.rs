@@ -20,17 +20,17 @@ pub(super) struct Interface {
     look: Dielectric,
 }
 
+/// How far a body of index `ior` is apart from the outside: 0 for index 1.
+pub(super) fn contrast(ior: f32) -> f32 {
+    ior.clamp(1.0, MAX_IOR) - 1.0
+}
+
 impl Interface {
     /// Between the outside (index 1) and a body of index `ior`, seen from outside where `entering`.
     pub(super) fn new(ior: f32, look: Dielectric, entering: bool) -> Interface {
         let ior = ior.clamp(1.0, MAX_IOR);
         let eta = if entering { ior } else { 1.0 / ior };
         Interface { eta, f0: at_normal(ior), look }
-    }
-
-    /// How far apart the indices are.
-    pub(super) fn contrast(&self) -> f32 {
-        (self.eta.max(1.0 / self.eta)) - 1.0
     }
 
     /// Index beyond over the index on the viewer's side.

@@ -21,6 +21,7 @@ use std::f32::consts::FRAC_1_PI;
 use glam::Vec3;
 use pileus_media::phase::basis;
 
+pub(crate) use self::base::Passing;
 use self::base::{Base, BaseView};
 use self::clearcoat::Clearcoat;
 use self::sheen::Sheen;
@@ -159,9 +160,12 @@ impl Bsdf {
                 }
             },
             Lobe::Passed => {
+                if self.base.is_straight() {
+                    // Straight on is exact.
+                    return self.delta(-wo, self.straight(&view) / probability, true);
+                }
                 let i = self.base.pass(o, Vec3::Z)?;
-                // Straight on is exact.
-                let wi = if self.base.is_body() { self.world(i) } else { -wo };
+                let wi = self.world(i);
                 let value = self.base.facet(o.z).1 * self.base.radiance_scale();
                 let value = value * self.below(&view, -i.z, true);
                 return self.delta(wi, value / probability, true);
@@ -197,6 +201,25 @@ impl Bsdf {
         })
     }
 
+    /// Share of light per channel that reaches the viewer straight through the surface, from `-wo`, by a delta lobe: what
+    /// [`sample`](Bsdf::sample) brings from there in the mean. Zero if what passes is bent or scattered, or if nothing passes.
+    ///
+    /// Thin walls let light through straight where they are smooth, bodies where their index is exactly 1, whatever their
+    /// roughness. In [0, 1].
+    pub fn straight_through(&self, wo: Vec3) -> Vec3 {
+        if !self.passes_straight() || !(self.geometric.dot(wo) > 0.0) {
+            return Vec3::ZERO;
+        }
+        let value = self.straight(&self.view(wo));
+        if value.is_finite() { value } else { Vec3::ZERO }
+    }
+
+    /// Whether some light goes straight through: then it is all that [`sample`](Bsdf::sample) draws as a transmitted delta lobe.
+    #[inline]
+    pub fn passes_straight(&self) -> bool {
+        self.base.is_straight()
+    }
+
     /// Whether all lobes are delta lobes, so that no shadow ray can find light.
     pub fn is_delta(&self) -> bool {
         let coat = self.layered && self.coat.as_ref().is_some_and(|c| c.ggx().is_some());
@@ -217,6 +240,12 @@ impl Bsdf {
             }
         }
         sum.clamp(Vec3::ZERO, Vec3::ONE)
+    }
+
+    /// Factor of the lobe that goes straight on.
+    #[inline]
+    fn straight(&self, view: &View) -> Vec3 {
+        self.base.facet(view.o.z).1 * self.below(view, view.o.z, true)
     }
 
     #[inline]

@@ -4,6 +4,7 @@ use glam::{Vec2, Vec3, Vec4};
 
 use super::parameters::SurfaceParameters;
 use super::texture::Texture;
+use crate::bsdf::Passing;
 
 /// A homogeneous medium inside a surface.
 ///
@@ -71,6 +72,32 @@ pub(crate) struct Material {
     pub(crate) volume: Option<bool>,
     /// Its medium, if it is not clear.
     pub(crate) interior: Option<Interior>,
+    /// What textures make of its medium where a path enters it.
+    pub(crate) scatter: Option<Box<Scatter>>,
+}
+
+/// Scattering in a body whose albedo differs over its surface: where a path enters it says what
+/// the path finds inside. This is what the extensions intend, and not reciprocal, as they say.
+#[derive(Debug, Clone)]
+pub(crate) struct Scatter {
+    /// Extinction in 1/m, per channel.
+    pub(crate) sigma_t: Vec3,
+    /// Diffuse albedo of a half space of the medium, per channel, strength included.
+    pub(crate) multiscatter: Vec3,
+    pub(crate) multiscatter_texture: Option<Texture>,
+    /// Strength in its alpha.
+    pub(crate) strength_texture: Option<Texture>,
+    /// Mean cosine of the phase function.
+    pub(crate) g: f32,
+}
+
+impl Interior {
+    /// A medium of this extinction that reflects `multiscatter` of diffuse light from a half space.
+    pub(crate) fn of_albedo(sigma_t: Vec3, multiscatter: Vec3, g: f32) -> Self {
+        let albedo = multiscatter.to_array().map(|c| single_scattering_albedo(c, g));
+        let albedo = Vec3::from_array(albedo);
+        Self { sigma_a: sigma_t * (1.0 - albedo), sigma_s: sigma_t * albedo, g }
+    }
 }
 
 /// Coordinates and colour of a point of a mesh, interpolated.
@@ -117,6 +144,7 @@ impl Default for Material {
             sheen_roughness_texture: None,
             volume: None,
             interior: None,
+            scatter: None,
         }
     }
 }
@@ -133,8 +161,8 @@ impl Material {
         self.transmission > 0.0 || self.diffuse_transmission > 0.0
     }
 
-    /// Whether rays pass its back unseen: glTF culls back faces of single-sided materials; those
-    /// that transmit are kept, a path has to leave the body again.
+    /// Whether the camera's rays pass its back unseen: glTF culls back faces of single-sided
+    /// materials; those that transmit are kept, a path has to leave the body again.
     pub(crate) fn culls_back(&self) -> bool {
         !self.double_sided && !self.transmits()
     }
@@ -161,7 +189,40 @@ impl Material {
             &self.sheen_roughness_texture,
         ];
         let normal = self.normal_texture.iter().map(|(texture, _)| texture);
-        textures.into_iter().flatten().chain(normal).any(|texture| texture.set == set)
+        let scatter = self.scatter.iter().flat_map(|scatter| {
+            [&scatter.multiscatter_texture, &scatter.strength_texture].into_iter().flatten()
+        });
+        textures.into_iter().flatten().chain(normal).chain(scatter).any(|t| t.set == set)
+    }
+
+    /// The medium of the body that a path enters at a point.
+    pub(crate) fn interior_at(&self, point: &Point) -> Option<Interior> {
+        let Some(scatter) = &self.scatter else { return self.interior };
+        let color = eval(&scatter.multiscatter_texture, point).truncate();
+        let multiscatter = scatter.multiscatter * color * eval(&scatter.strength_texture, point).w;
+        Some(Interior::of_albedo(scatter.sigma_t, multiscatter, scatter.g))
+    }
+
+    /// What becomes of light that it lets through at a roughness; `None` if it lets none through.
+    fn passing(&self, roughness: f32, solid: bool) -> Option<Passing> {
+        let metal = self.metallic >= 1.0 && self.metallic_roughness_texture.is_none();
+        if !(self.transmission > 0.0) || metal {
+            return None;
+        }
+        let body = (solid && self.ior.is_finite()).then_some(self.ior);
+        Some(Passing::of(roughness.clamp(0.0, 1.0), body))
+    }
+
+    /// What becomes of light that it lets through where it is roughest.
+    pub(crate) fn passing_at_most(&self, solid: bool) -> Option<Passing> {
+        self.passing(self.roughness, solid)
+    }
+
+    /// Whether light may go straight through somewhere; `solid` if the surface bounds a body.
+    pub(crate) fn may_pass_straight(&self, solid: bool) -> bool {
+        // A texture may make it smooth.
+        let least = if self.metallic_roughness_texture.is_some() { 0.0 } else { self.roughness };
+        self.passing(least, solid) == Some(Passing::Straight)
     }
 
     fn base_color(&self, point: &Point) -> Vec4 {

@@ -6,6 +6,7 @@ use std::sync::{Arc, OnceLock};
 use glam::{DVec3, Vec2, Vec3, Vec4};
 
 use super::material::{Alpha, Material, Point};
+use super::texture::Texture;
 use super::tree::Tree;
 
 /// What the vertices of a glTF primitive carry, and what its surface is made of.
@@ -34,8 +35,10 @@ pub(crate) struct Mesh {
     pub(crate) parts: Vec<Part>,
     corners: Vec<[Vec3; 3]>,
     tags: Vec<Tag>,
-    /// Of each part whether its back is passed and whether it may have holes; empty if no part does.
+    /// Of each part whether the camera passes its back and whether it may have holes; empty if no part does.
     filters: Vec<Filter>,
+    /// Whether any part may have holes.
+    has_holes: bool,
     pub(crate) tree: Tree,
     pub(crate) bounds: (DVec3, DVec3),
     closed: OnceLock<bool>,
@@ -86,8 +89,10 @@ impl Mesh {
             })
             .collect();
         let plain = filters.iter().all(|filter| !filter.culls_back && !filter.has_holes);
+        let has_holes = filters.iter().any(|filter| filter.has_holes);
         let filters = if plain { Vec::new() } else { filters };
-        Some(Self { parts, corners, tags, filters, tree, bounds, closed: OnceLock::new() })
+        let closed = OnceLock::new();
+        Some(Self { parts, corners, tags, filters, has_holes, tree, bounds, closed })
     }
 
     pub(crate) fn len(&self) -> usize {
@@ -108,18 +113,31 @@ impl Mesh {
         &self.parts[self.tags[triangle].part as usize]
     }
 
-    /// Whether a ray that meets a triangle from this side sees it.
+    /// Whether a ray that meets a triangle from this side is stopped by it. `CAMERA`: it is the
+    /// camera's own, which backs of single-sided surfaces do not stop.
     #[inline]
-    pub(crate) fn presence(&self, triangle: usize, front_face: bool) -> Presence {
-        if self.filters.is_empty() {
+    pub(crate) fn presence<const CAMERA: bool>(
+        &self,
+        triangle: usize,
+        front_face: bool,
+    ) -> Presence {
+        if if CAMERA { self.filters.is_empty() } else { !self.has_holes } {
             return Presence::Present;
         }
         let filter = self.filters[self.tags[triangle].part as usize];
-        match (filter.culls_back && !front_face, filter.has_holes) {
+        match (CAMERA && filter.culls_back && !front_face, filter.has_holes) {
             (true, _) => Presence::Absent,
             (false, true) => Presence::Partial,
             (false, false) => Presence::Present,
         }
+    }
+
+    /// Whether this side of a triangle is one that the camera does not see: the back of a
+    /// single-sided surface.
+    #[inline]
+    pub(crate) fn is_unseen(&self, triangle: usize, front_face: bool) -> bool {
+        !front_face
+            && self.filters.get(self.tags[triangle].part as usize).is_some_and(|f| f.culls_back)
     }
 
     /// The point of a triangle with these weights of its second and third vertex.
@@ -152,19 +170,47 @@ impl Mesh {
         Some(mix(at(normals, self.tags[triangle]), barycentrics))
     }
 
-    /// The tangent in the mesh's space and the sign of the bitangent: the vertices' tangents, or
-    /// the direction in which the coordinates of `set` grow on this triangle.
+    /// The tangent of a normal texture in the mesh's space and the sign of the bitangent: the
+    /// vertices' tangents, or the direction in which the texture's coordinates grow on this
+    /// triangle; either way in the frame that `KHR_texture_transform` has turned and mirrored.
     pub(crate) fn tangent(
         &self,
         triangle: usize,
         barycentrics: [f32; 2],
-        set: usize,
+        texture: &Texture,
     ) -> Option<(Vec3, f32)> {
         let (part, tag) = (self.part(triangle), self.tags[triangle]);
+        let gradient = self.gradient(triangle, texture.set);
+        let turned = texture.turned_frame();
         if let Some(tangents) = part.tangents.as_deref() {
             let [a, b, c] = at(tangents, tag);
-            return Some((mix([a, b, c], barycentrics).truncate(), a.w));
+            let (tangent, sign) = (mix([a, b, c], barycentrics).truncate(), a.w);
+            let Some(([x, y], flip)) = turned else { return Some((tangent, sign)) };
+            let normal = self
+                .normal(triangle, barycentrics)
+                .unwrap_or_else(|| self.geometric_normal(triangle).as_vec3());
+            // Lengths and angle of the coordinates' directions on the triangle; a square grid
+            // where it has none.
+            let (dpdu, dpdv) = gradient.map_or((Vec3::X, Vec3::Y), |(dpdu, dpdv, _)| (dpdu, dpdv));
+            let (u2, uv) = (dpdu.length_squared(), dpdu.dot(dpdv));
+            let across = (u2 * dpdv.length_squared() - uv * uv).max(0.0).sqrt();
+            // The second coordinate grows against the bitangent.
+            let [along, against] = [x * u2 + y * uv, y * across];
+            let t = tangent.normalize_or_zero();
+            let b = (normal.cross(t) * sign).normalize_or_zero();
+            return Some((t * along - b * against, sign * flip));
         }
+        let (dpdu, dpdv, sign) = gradient?;
+        Some(match turned {
+            None => (dpdu, sign),
+            Some(([x, y], flip)) => (dpdu * x + dpdv * y, sign * flip),
+        })
+    }
+
+    /// How a point of a triangle moves with the coordinates of `set`, and the sign of the
+    /// bitangent; `None` where the triangle has no area in them.
+    fn gradient(&self, triangle: usize, set: usize) -> Option<(Vec3, Vec3, f32)> {
+        let (part, tag) = (self.part(triangle), self.tags[triangle]);
         let [uv0, uv1, uv2] = at(part.uv.get(set)?.as_deref()?, tag);
         let [p0, p1, p2] = self.corners[triangle];
         let (dp1, dp2) = (p1 - p0, p2 - p0);
@@ -175,8 +221,9 @@ impl Mesh {
         }
         // Images have their second coordinate downwards, normal maps their green upwards: seen
         // from outside, coordinates that are not mirrored run clockwise.
-        let along = (dp1 * d2.y - dp2 * d1.y) / area;
-        Some((along, if area < 0.0 { 1.0 } else { -1.0 }))
+        let dpdu = (dp1 * d2.y - dp2 * d1.y) / area;
+        let dpdv = (dp2 * d1.x - dp1 * d2.x) / area;
+        Some((dpdu, dpdv, if area < 0.0 { 1.0 } else { -1.0 }))
     }
 
     /// Whether every edge belongs to exactly two triangles, vertices at equal places taken for
@@ -227,6 +274,8 @@ pub(crate) fn is_closed(triangles: &[[Vec3; 3]]) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use super::super::texture::Wrap;
+    use super::super::texture::tests::{image, texture};
     use super::*;
 
     #[test]
@@ -254,11 +303,13 @@ mod tests {
         let part = Part { uv: [Some(uv), None], ..Part::default() };
         let tag = Tag { part: 0, vertices: [0, 1, 2] };
         let mesh = Mesh::new(vec![part], vec![(corners, tag)], &[]).unwrap();
-        let (tangent, sign) = mesh.tangent(0, [0.2, 0.2], 0).unwrap();
+        let map = texture(image(1, &[0]), Wrap::Repeat);
+        let (tangent, sign) = mesh.tangent(0, [0.2, 0.2], &map).unwrap();
         assert_eq!((tangent, sign), (Vec3::X, 1.0));
         // The bitangent is up.
         assert_eq!(Vec3::Z.cross(tangent) * sign, Vec3::Y);
-        assert!(mesh.tangent(0, [0.2, 0.2], 1).is_none());
+        let second = Texture { set: 1, ..map };
+        assert!(mesh.tangent(0, [0.2, 0.2], &second).is_none());
         assert_eq!(mesh.point(0, [0.5, 0.25]).uv[0], Vec2::new(0.5, 0.75));
     }
 }

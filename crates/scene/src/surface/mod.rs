@@ -9,6 +9,7 @@ mod emitter;
 mod interaction;
 mod material;
 mod mesh;
+mod pane;
 mod parameters;
 mod split;
 mod texture;
@@ -21,9 +22,10 @@ use rand_core::Rng;
 pub use emitter::EmissiveTriangle;
 pub use interaction::{Hit, Interaction};
 pub use material::Interior;
+pub use pane::Obstacle;
 pub use parameters::SurfaceParameters;
 
-pub(crate) use material::{Alpha, Material, single_scattering_albedo};
+pub(crate) use material::{Alpha, Material, Scatter};
 pub(crate) use mesh::{Mesh, Part, Tag, is_closed};
 pub(crate) use texture::{Image, Texels, Texture, Wrap, srgb_to_linear};
 
@@ -55,6 +57,8 @@ pub struct Surfaces {
     /// Of each mesh the place of each triangle among its emissive ones; empty if there are none.
     ranks: Vec<Vec<u32>>,
     bounds: (DVec3, DVec3),
+    /// Whether light may go straight through some surface.
+    has_panes: bool,
 }
 
 /// A mesh in the world.
@@ -144,9 +148,18 @@ impl Surfaces {
             return Ok((None, flat));
         };
         let tree = Tree::new(&boxes);
-        let mut surfaces =
-            Self { materials, meshes, instances, tree, emitters: vec![], ranks: vec![], bounds };
+        let mut surfaces = Self {
+            materials,
+            meshes,
+            instances,
+            tree,
+            emitters: vec![],
+            ranks: vec![],
+            bounds,
+            has_panes: false,
+        };
         surfaces.find_emitters()?;
+        surfaces.find_panes();
         Ok((Some(surfaces), flat))
     }
 
@@ -231,8 +244,10 @@ impl Surfaces {
     /// Holes are passed: where alpha is below the cutoff, and where a surface that blends is drawn
     /// to be absent, each with probability one minus alpha, independently. For these draws a
     /// number is taken from `rng`, at most one a ray; rays that meet no such surface take none.
-    /// Backs of single-sided surfaces are passed unless they transmit. Origin and direction that
-    /// are not finite hit nothing.
+    /// Backs of single-sided surfaces count as their fronts do: what stops light must not depend
+    /// on the way it goes; see [`Self::seen`] for the rays of a camera. Where a front and such a
+    /// back lie in one place, the front is hit. Origin and direction that are not finite hit
+    /// nothing.
     pub fn intersect(
         &self,
         origin: DVec3,
@@ -241,24 +256,42 @@ impl Surfaces {
         rng: &mut impl Rng,
     ) -> Option<Hit> {
         let ray = DRay { origin, direction: direction.as_dvec3() };
-        self.trace::<false>(ray, t_max, rng)
+        self.trace::<false, false>(ray, t_max, rng)
+    }
+
+    /// The nearest hit of a camera's ray: as [`Self::intersect`], but backs of single-sided
+    /// surfaces are passed unless they transmit, as glTF has it for what is shown.
+    pub fn seen(
+        &self,
+        origin: DVec3,
+        direction: Vec3,
+        t_max: f64,
+        rng: &mut impl Rng,
+    ) -> Option<Hit> {
+        let ray = DRay { origin, direction: direction.as_dvec3() };
+        self.trace::<false, true>(ray, t_max, rng)
     }
 
     /// Whether a surface lies in (0, `t_max`) along a ray; holes and backs as in [`Self::intersect`].
     pub fn occluded(&self, origin: DVec3, direction: Vec3, t_max: f64, rng: &mut impl Rng) -> bool {
         let ray = DRay { origin, direction: direction.as_dvec3() };
-        self.trace::<true>(ray, t_max, rng).is_some()
+        self.trace::<true, false>(ray, t_max, rng).is_some()
     }
 
     /// Whether a surface lies strictly between two points. Both ends have to be off surfaces, as
     /// [`Interaction::spawn`] and [`EmissiveTriangle::point`] make them; no length is cut off.
     pub fn occluded_between(&self, from: DVec3, to: DVec3, rng: &mut impl Rng) -> bool {
         let ray = DRay { origin: from, direction: to - from };
-        self.trace::<true>(ray, 1.0, rng).is_some()
+        self.trace::<true, false>(ray, 1.0, rng).is_some()
     }
 
     #[inline]
-    fn trace<const ANY: bool>(&self, ray: DRay, t_max: f64, rng: &mut impl Rng) -> Option<Hit> {
+    fn trace<const ANY: bool, const CAMERA: bool>(
+        &self,
+        ray: DRay,
+        t_max: f64,
+        rng: &mut impl Rng,
+    ) -> Option<Hit> {
         let mut best: Option<Hit> = None;
         let mut seed: Option<u64> = None;
         self.tree.walk(&ray, t_max, |place, mut end| {
@@ -281,15 +314,15 @@ impl Surfaces {
                     barycentrics: found.barycentrics,
                     front_face: found.front_face,
                 };
-                // Of equally near ones the first counts, in whatever order the trees are walked;
-                // the end of the ray is not part of it.
+                // Of equally near ones the first counts, in whatever order the trees are walked,
+                // backs of single-sided surfaces last; the end of the ray is not part of it.
                 if found.t == closest {
-                    let key = |hit: &Hit| (hit.instance, hit.triangle);
+                    let key = |hit: &Hit| (self.is_unseen(hit), hit.instance, hit.triangle);
                     if best.as_ref().is_none_or(|best| key(&hit) >= key(best)) {
                         return closest;
                     }
                 }
-                match mesh.presence(triangle, found.front_face) {
+                match mesh.presence::<CAMERA>(triangle, found.front_face) {
                     Presence::Present => {}
                     Presence::Absent => return closest,
                     Presence::Partial => {
@@ -312,6 +345,12 @@ impl Surfaces {
             end
         });
         best
+    }
+
+    /// Whether a hit is on the back of a single-sided surface.
+    fn is_unseen(&self, hit: &Hit) -> bool {
+        let mesh = &self.meshes[self.instances[hit.instance as usize].mesh];
+        mesh.is_unseen(hit.triangle as usize, hit.front_face)
     }
 
     fn coverage(&self, hit: &Hit) -> f32 {
@@ -339,7 +378,7 @@ impl Surfaces {
             .unwrap_or(geometric_normal);
         let normal = match &material.normal_texture {
             Some((texture, scale)) => {
-                let tangent = mesh.tangent(triangle, barycentrics, texture.set);
+                let tangent = mesh.tangent(triangle, barycentrics, texture);
                 let texel = texture.eval(&point.uv).truncate() * 2.0 - 1.0;
                 let texel = Vec3::new(texel.x * scale, texel.y * scale, texel.z);
                 tangent
@@ -356,7 +395,7 @@ impl Surfaces {
             front_face: hit.front_face,
             parameters: material.parameters(&point, part.solid),
             emission: if emits { material.emission(&point) } else { Vec3::ZERO },
-            interior: material.interior.filter(|_| part.solid),
+            interior: if part.solid { material.interior_at(&point) } else { None },
             material: part.material,
             instance: hit.instance,
             triangle: hit.triangle,

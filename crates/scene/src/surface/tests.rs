@@ -306,16 +306,20 @@ fn masks_cut_holes_and_backs_are_culled() {
     let hit = surfaces.intersect(origin, along, 9.0, &mut Untouched).unwrap();
     assert_eq!((hit.t, hit.front_face), (1.0, true));
     assert!(!surfaces.occluded(origin, along, 1.0, &mut Untouched), "the interval is open");
-    // From below.
+    // From below: the camera does not see it, light is stopped.
     let origin = DVec3::new(0.75, 0.3, -3.0);
-    assert!(!surfaces.occluded(origin, Vec3::Z, 9.0, &mut Untouched));
+    assert!(surfaces.seen(origin, Vec3::Z, 9.0, &mut Untouched).is_none());
+    assert!(surfaces.occluded(origin, Vec3::Z, 9.0, &mut Untouched));
+    assert!(!surfaces.intersect(origin, Vec3::Z, 9.0, &mut Untouched).unwrap().front_face);
+    let hole = DVec3::new(0.25, 0.3, -3.0);
+    assert!(!surfaces.occluded(hole, Vec3::Z, 9.0, &mut Untouched));
     for kept in [
         Material { double_sided: true, ..masked.clone() },
         Material { transmission: 0.5, ..masked.clone() },
         Material { diffuse_transmission: 0.5, ..masked },
     ] {
         let surfaces = squares(kept, &[0.0]);
-        let hit = surfaces.intersect(origin, Vec3::Z, 9.0, &mut Untouched).unwrap();
+        let hit = surfaces.seen(origin, Vec3::Z, 9.0, &mut Untouched).unwrap();
         assert!(!hit.front_face);
     }
 }

@@ -115,6 +115,21 @@ impl Texture {
         self.matrix * uv[self.set] + self.offset
     }
 
+    /// How `KHR_texture_transform` turns the frame of a normal map: the direction on the surface in
+    /// which the image's first coordinate grows while its second stays, as multiples of those in
+    /// which the mesh's coordinates grow, and -1 if the transform mirrors. `None` if neither
+    /// changes, or if the transform leaves no area.
+    pub(crate) fn turned_frame(&self) -> Option<([f32; 2], f32)> {
+        let [x, y] = self.matrix.to_cols_array_2d();
+        let determinant = self.matrix.determinant();
+        if determinant == 0.0 || x[1] == 0.0 && x[0] > 0.0 && determinant > 0.0 {
+            return None;
+        }
+        // The first column of the inverse, without the size of the determinant.
+        let flip = determinant.signum();
+        Some(([flip * y[1], -flip * x[1]], flip))
+    }
+
     /// The value at coordinates of the mesh, linear: (0, 0) is the outer corner of the first texel.
     #[inline]
     pub(crate) fn eval(&self, uv: &[Vec2; 2]) -> Vec4 {
