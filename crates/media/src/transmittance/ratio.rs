@@ -3,7 +3,7 @@
 use crate::channels::{Channels, Grey, Spectrum};
 use crate::collisions::TentativeCollisions;
 use crate::field::RayField;
-use crate::random::uniform;
+use crate::random::happens;
 use crate::tally::Tally;
 use rand_core::Rng;
 
@@ -44,13 +44,14 @@ pub fn ratio_tracking_with_roulette<F: RayField, C: Channels, R: Rng + ?Sized>(
         let sigma_t = walk.sigma_t(tentative);
         tally.lookups += 1;
         tally.violations += u64::from(sigma_t > tentative.majorant);
-        let null = C::Value::ONE - channels.of(sigma_t / tentative.majorant);
-        null_probability = null_probability.times(null);
-        transmittance = transmittance.times(null);
+        let ratio = channels.of(sigma_t / tentative.majorant);
+        // What weights are made of is rounded as flights round it.
+        null_probability = null_probability.times(C::Value::ONE - ratio);
+        transmittance = transmittance.times(ratio.complement(rng));
         let size = transmittance.max_abs();
         if size < threshold {
             let survive = size / threshold;
-            if uniform(rng) >= survive {
+            if !happens(survive, rng) {
                 transmittance = C::Value::ZERO;
                 break;
             }
