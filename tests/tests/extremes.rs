@@ -49,8 +49,11 @@ fn grey_media_stay_grey() {
     ];
     let mut distances = vec![Distance::Auto, Distance::Split, Distance::Equiangular];
     distances.extend(DistanceSampler::ALL.map(Distance::By));
-    let transmittances =
-        [Transmittance::Auto, Transmittance::By(Estimator::Regular), Transmittance::By(Estimator::DebiasedRayMarching)];
+    let transmittances = [
+        Transmittance::Auto,
+        Transmittance::By(Estimator::Regular),
+        Transmittance::By(Estimator::DebiasedRayMarching),
+    ];
     let mut compared = 0;
     for law in laws {
         for two in [false, true] {

@@ -159,13 +159,7 @@ impl Plan {
             _ if surfaces.is_some() || fires > 0 => KernelKind::Whole,
             0 => KernelKind::Empty,
             1 if grids == 1 && grey && plain && !wide => KernelKind::SingleGrey,
-            1 if grids == 1
-                && !grey
-                && plain
-                && !wide
-                && !dense
-                && channels_may_part(settings) =>
-            {
+            1 if grids == 1 && !grey && plain && !wide && !dense && channels_may_part(settings) => {
                 KernelKind::SingleChromatic
             }
             _ => KernelKind::Overlapping,

@@ -45,11 +45,8 @@ impl Clamped {
             }
             found
         };
-        let voxels = tree
-            .values()
-            .par_chunks(1 << 16)
-            .map(of)
-            .reduce(Clamped::default, Clamped::and);
+        let voxels =
+            tree.values().par_chunks(1 << 16).map(of).reduce(Clamped::default, Clamped::and);
         let tiles = tree.tiles().iter().map(|tile| of(&[tile.value]));
         tiles.fold(voxels.and(of(&[*tree.background()])), Clamped::and)
     }

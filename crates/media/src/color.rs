@@ -44,6 +44,12 @@ impl ColorGrid {
         VoxelGrid::from_tree(tree, &VoxelGridOptions { interpolation: Interpolation::Trilinear })
     }
 
+    /// The colour, if it is the same everywhere: of a grid without values, its background.
+    pub fn constant(&self) -> Option<Vec3> {
+        let constant = self.channels.iter().all(VoxelGrid::is_empty);
+        constant.then(|| self.at_index(DVec3::ZERO))
+    }
+
     /// The numbers that were not in [0, 1], over all channels.
     pub fn clamped(&self) -> Clamped {
         self.clamped

@@ -8,8 +8,8 @@ use crate::grid::{Half, Voxel, VoxelGrid, Voxels};
 use crate::homogeneous::HomogeneousMedium;
 use crate::law::Law;
 use crate::majorant::{
-    Adaptive, AnyPartition, GridRay, Line, Lowest, MajorantStructure, Majorants, Partition, WideRay,
-    distance,
+    Adaptive, AnyPartition, GridRay, Line, Lowest, MajorantStructure, Majorants, Partition,
+    WideRay, distance,
 };
 use crate::phase::{Phase, PhaseAt};
 use crate::tally::Tally;

@@ -4,7 +4,7 @@
 //! never. Decisions and variates therefore treat it as the step that the true number lies in, and draw the place within the step where
 //! that matters, once in 2^24 times.
 
-use crate::elementary::ln;
+use crate::elementary::{ln, minus_ln_of_share};
 use glam::{BVec3, Vec3};
 use rand_core::Rng;
 
@@ -146,7 +146,7 @@ pub fn exponential<R: Rng + ?Sized>(rng: &mut R) -> f32 {
     let bits = rng.next_u32();
     // One comparison for both ends.
     if bits.wrapping_sub(FAR_OUT) < NEAR_ZERO - FAR_OUT {
-        exponential_from(bits)
+        minus_ln_of_share(bits)
     } else {
         exponential_at_an_end(bits, 1.0, rng)
     }
@@ -267,7 +267,7 @@ mod tests {
     fn exponential_is_exact_at_both_ends() {
         let n = 40_000u32;
         let all = 4_294_967_296.0;
-        let mut check = |first: u32, width: f64, x: f64, stratified: bool| {
+        let check = |first: u32, width: f64, x: f64, stratified: bool| {
             // Given bits, numbers lie between these; below depth x lie those above e^-x.
             let (low, high) = (f64::from(first) / all, (f64::from(first) + width) / all);
             let expected = if x < 1e-3 {

@@ -8,8 +8,8 @@ use std::time::Instant;
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 use pileus_media::phase::CosineGrid;
 use pileus_media::{
-    Albedo, BuildReport, Clamped, ColorGrid, EmissionField, GridMedium, HomogeneousMedium, Interpolation,
-    Medium, Phase, VoxelGrid, VoxelGridOptions,
+    Albedo, BuildReport, Clamped, ColorGrid, EmissionField, GridMedium, HomogeneousMedium,
+    Interpolation, Medium, Phase, VoxelGrid, VoxelGridOptions,
 };
 use pileus_vdb::{GridClass, GridInfo, Tree, ValueType, Values, VdbFile};
 
@@ -332,6 +332,13 @@ impl VolumeLoader {
         };
         let grid = grid.map_err(|source| Error::medium(place("/albedo/grid"), source))?;
         warn_of_clamped(&grid.clamped(), path, info, "albedo", (0.0, 1.0));
+        if let Some(albedo) = grid.constant() {
+            tracing::warn!(
+                "{}: grid `{}` holds nothing but its background: the albedo is {albedo} everywhere",
+                path.display(),
+                info.full_name()
+            );
+        }
         self.seconds_build += start.elapsed().as_secs_f64();
         Ok(Albedo::Grid(Arc::new(grid)))
     }

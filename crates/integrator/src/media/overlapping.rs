@@ -516,8 +516,7 @@ impl Media for Overlapping<'_> {
         let by_throughput = self.methods.distance == DistanceSampler::Spectral;
         let mut walkers: SmallVec<[Walker; 4]> = SmallVec::new();
         let collision = loop {
-            let nearest =
-                (0..walkers.len()).min_by(|&a, &b| walkers[a].t.total_cmp(&walkers[b].t));
+            let nearest = (0..walkers.len()).min_by(|&a, &b| walkers[a].t.total_cmp(&walkers[b].t));
             let t = nearest.map_or(f64::INFINITY, |nearest| walkers[nearest].t);
             // A medium is walked once the flight has come to where it begins.
             if ahead.last().is_some_and(|(_, entry)| entry.t() <= t)

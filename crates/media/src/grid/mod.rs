@@ -92,10 +92,10 @@ impl VoxelGrid {
         }
         // The coarsest level: one cell, but for the widest grids.
         let first = self.topology.levels.last().map_or(0, |level| level.offset);
-        (first..self.topology.root_entries).fold(
-            (self.background, self.background),
-            |(min, max), i| (min.min(self.entry_min[i]), max.max(self.entries[i].max)),
-        )
+        (first..self.topology.root_entries)
+            .fold((self.background, self.background), |(min, max), i| {
+                (min.min(self.entry_min[i]), max.max(self.entries[i].max))
+            })
     }
 
     /// Whether the field is constant.

@@ -85,7 +85,7 @@ pub struct GridRay<'a, V, P = Adaptive<'a>, C = Lowest> {
 impl<'a, V: Voxel, P: Partition, C: Corner> GridRay<'a, V, P, C> {
     /// A ray along `line`, inside the extent and near `corner`.
     /// `scale`: raw value to extinction and raw bound to majorant.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn new(
         view: GridView<'a, V>,
         partition: P,

@@ -241,9 +241,7 @@ impl ExactField for WideRay<'_> {
         let scale = f64::from(self.scales[0]);
         let (ray, range, raw) = ((p, d), (0.0, length), depth / scale);
         let found = match &self.grid.voxels {
-            Voxels::Half(voxels) => {
-                ray_t_at_depth(&self.grid.view(voxels), ray, range, raw, tally)
-            }
+            Voxels::Half(voxels) => ray_t_at_depth(&self.grid.view(voxels), ray, range, raw, tally),
             Voxels::Single(voxels) => {
                 ray_t_at_depth(&self.grid.view(voxels), ray, range, raw, tally)
             }

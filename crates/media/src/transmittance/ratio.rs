@@ -40,6 +40,7 @@ pub fn ratio_tracking_with_roulette<F: RayField, C: Channels, R: Rng + ?Sized>(
     tally: &mut Tally,
 ) -> RatioEstimate<C::Value> {
     let (mut transmittance, mut null_probability) = (C::Value::ONE, C::Value::ONE);
+    let small = threshold.max(f32::MIN_POSITIVE);
     while let Some(tentative) = walk.next(rng) {
         let sigma_t = walk.sigma_t(tentative);
         tally.lookups += 1;
@@ -49,16 +50,18 @@ pub fn ratio_tracking_with_roulette<F: RayField, C: Channels, R: Rng + ?Sized>(
         null_probability = null_probability.times(C::Value::ONE - ratio);
         transmittance = transmittance.times(ratio.complement(rng));
         let size = transmittance.max_abs();
-        if size < threshold {
-            let survive = size / threshold;
-            if !happens(survive, rng) {
-                transmittance = C::Value::ZERO;
+        if size < small {
+            if size == 0.0 {
                 break;
             }
-            transmittance *= 1.0 / survive;
-        }
-        if size == 0.0 {
-            break;
+            let survive = size / threshold;
+            if survive < 1.0 {
+                if !happens(survive, rng) {
+                    transmittance = C::Value::ZERO;
+                    break;
+                }
+                transmittance *= 1.0 / survive;
+            }
         }
     }
     tally.majorant_steps += walk.field().steps();
