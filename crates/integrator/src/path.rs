@@ -25,7 +25,7 @@ use glam::{DVec3, Vec3};
 use pileus_film::PixelSample;
 use pileus_media::distance::Equiangular;
 use pileus_media::phase::ISOTROPIC;
-use pileus_media::random::uniform;
+use pileus_media::random::{exponential_of_stratified, happens, uniform};
 use pileus_media::{PhaseAt, Spectrum, Tally};
 use pileus_scene::{Bsdf, Environment, Interaction};
 use smallvec::SmallVec;
@@ -42,6 +42,9 @@ const LONG_PATH_SURVIVAL: f32 = 0.95;
 /// A shadow ray is certain if the lights' importance times the throughput is at least this; below it is played roulette. Importance
 /// one is what isotropic scattering gives.
 const SHADOW_IMPORTANCE: f32 = 1.0;
+
+/// Shadow rays that are sent with less than this probability are decided by numbers of full precision.
+const UNLIKELY: f32 = 1.0 / 4096.0;
 
 /// Shadow walks whose product of transmittance and importance falls below this are played roulette.
 const SHADOW_ROULETTE: f32 = 0.3;
@@ -115,7 +118,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         let mut radiance = Vec3::ZERO;
         // Share of the background that is seen: alpha is one minus its mean, whatever weights a flight carries.
         let mut transmitted = 0.0;
-        let depth = pileus_media::random::exponential_from((depth * 4_294_967_296.0) as u32);
+        let depth = exponential_of_stratified(depth, sampler);
         let first = Some([depth, decision]);
         let mut branches = Branches::<'_, M, W>::new();
         let mut branch = Branch { ray, beta: Vec3::ONE, ending: None, last: None, bounces: 0 };
@@ -340,7 +343,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
             if strongest < ROULETTE_THROUGHPUT || trapped {
                 let survive = strongest / ROULETTE_THROUGHPUT;
                 let survive = if trapped { survive.min(LONG_PATH_SURVIVAL) } else { survive };
-                if uniform(sampler) >= survive {
+                if !happens(survive, sampler) {
                     break;
                 }
                 beta /= survive;
@@ -554,7 +557,9 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         {
             survive = expected.survive(at.p, at.flight.expected_first, importance, survive);
         }
-        if survive < 1.0 && u[1] >= survive {
+        // Stratified numbers cannot say what is very unlikely.
+        let sent = if survive < UNLIKELY { happens(survive, sampler) } else { u[1] < survive };
+        if !sent {
             return Vec3::ZERO;
         }
         counters.shadow_rays += 1;

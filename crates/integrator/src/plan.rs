@@ -148,6 +148,8 @@ impl Plan {
         let grids = scene.volumes.iter().filter(|v| matches!(*v.medium, Medium::Grid(_))).count();
         let grey = volumes.iter().all(|v| v.grey);
         let plain = scene.volumes.iter().all(|v| v.medium.phase().plain().is_some());
+        let wide = scene.volumes.iter().any(|v| is_wide(&v.medium));
+        let dense = densest(scene, settings).is_some_and(|(depth, _)| depth > DENSE);
         let surfaces = scene.surfaces.as_deref();
         let fires = scene.fires().count();
         let flakes = || scene.volumes.iter().filter_map(|volume| volume.medium.phase().flakes());
@@ -157,8 +159,8 @@ impl Plan {
             _ if laws => KernelKind::UnderLaw,
             _ if surfaces.is_some() || fires > 0 => KernelKind::Whole,
             0 => KernelKind::Empty,
-            1 if grids == 1 && grey && plain => KernelKind::SingleGrey,
-            1 if grids == 1 && !grey && plain && channels_may_part(settings) => {
+            1 if grids == 1 && grey && plain && !wide => KernelKind::SingleGrey,
+            1 if grids == 1 && !grey && plain && !wide && !dense && channels_may_part(settings) => {
                 KernelKind::SingleChromatic
             }
             _ => KernelKind::Overlapping,
@@ -201,6 +203,12 @@ impl Plan {
                     .to_owned()
             }
         });
+        if wide {
+            reasons.push(
+                "a grid of more than 8192 voxels along an axis: rays are walked in parts, since single precision does not count so far"
+                    .into(),
+            );
+        }
         let lights = Arc::new(Lights::new(scene, settings.light_sampling));
         let suns = scene.lights.iter().filter(|l| matches!(l, Light::Sun(_))).count();
         let mis = lights.need_mis() || matches!(kernel, KernelKind::Whole | KernelKind::UnderLaw);
@@ -238,10 +246,12 @@ impl Plan {
                     .into(),
             );
         }
-        let methods = choose(scene, settings, (grey, parts), &mut reasons)?;
+        let by_grid = flakes().any(|flakes| flakes.by_grid());
+        let regular = dense && !by_grid;
+        let methods = choose(scene, settings, (grey, parts, regular), &mut reasons)?;
         let exact = methods.transmittance == Estimator::Regular
             || methods.distance == DistanceSampler::Regular;
-        if exact && flakes().any(|flakes| flakes.by_grid()) {
+        if exact && by_grid {
             return Err(Error::Invalid {
                 what: "`regular` integrates along rays exactly, which flakes by grid do not allow: their projected area is the root of what is interpolated"
                     .into(),
@@ -250,7 +260,7 @@ impl Plan {
         }
         if laws {
             check_laws(scene, settings, methods, &mut reasons)?;
-            if flakes().any(|flakes| flakes.by_grid()) {
+            if by_grid {
                 return Err(Error::Invalid {
                     what: "flakes by grid beside a law that is not exponential: it would need exact depths through them".into(),
                     remedy: "give the flakes as numbers, or remove the law".into(),
@@ -410,6 +420,11 @@ const FEW_SCATTERINGS: f64 = 1.5;
 /// choice to the plan. Measured: `docs/charts/methods.md`.
 const THIN: f64 = 0.1;
 
+/// Whether rays through a medium are walked in parts.
+fn is_wide(medium: &Medium) -> bool {
+    matches!(medium, Medium::Grid(grid) if grid.is_wide())
+}
+
 /// Whether the settings allow channels to fly by delta tracking and to part: both walks by tentative collisions of bounds that hold.
 fn channels_may_part(settings: &RenderSettings) -> bool {
     let flights =
@@ -550,12 +565,13 @@ fn prepare(scene: &Scene, settings: &RenderSettings) -> Result<PlannedMedia, Err
 fn choose(
     scene: &Scene,
     settings: &RenderSettings,
-    (grey, parts): (bool, bool),
+    (grey, parts, regular): (bool, bool, bool),
     reasons: &mut Vec<String>,
 ) -> Result<Methods, Error> {
     let bounded = settings.majorant_scale >= 1.0;
     let distance = match settings.distance {
         Distance::By(sampler) => sampler,
+        _ if regular => DistanceSampler::Regular,
         _ if !bounded => DistanceSampler::WeightedDelta,
         _ if grey => DistanceSampler::Delta,
         _ => DistanceSampler::Spectral,
@@ -588,6 +604,7 @@ fn choose(
         });
     }
     let transmittance = match settings.transmittance {
+        Transmittance::Auto if regular => Estimator::Regular,
         Transmittance::Auto => {
             reasons.push(
                 "transmittance by ratio tracking: of all estimators the least error x time in whole images, within the noise of timing"
@@ -606,6 +623,34 @@ fn choose(
             ),
             remedy: "use another estimator, or a scale of at least 1".into(),
         });
+    }
+    if let Some((depth, name)) = densest(scene, settings).filter(|(depth, _)| *depth > DENSE) {
+        reasons.push(format!(
+            "volume `{name}` has an optical depth of up to {depth:.1e} per voxel, which tentative collisions would be looked up for one by one: methods that are \
+             left to the plan are exact, voxel by voxel"
+        ));
+        let tracks = !matches!(
+            distance,
+            DistanceSampler::Regular | DistanceSampler::Analytic | DistanceSampler::RayMarching
+        );
+        let estimates = !matches!(
+            transmittance,
+            Estimator::Regular | Estimator::RayMarching | Estimator::DebiasedRayMarching
+        );
+        if depth > TOO_DENSE && (tracks || estimates) {
+            let (key, method) = if tracks {
+                ("distance", distance.name())
+            } else {
+                ("transmittance", transmittance.name())
+            };
+            return Err(Error::Invalid {
+                what: format!(
+                    "volume `{name}` has an optical depth of up to {depth:.1e} per voxel, where sampling.{key} {method} would not come to an end"
+                ),
+                remedy: "use `regular` or `auto`, or lower the density scale (flakes by grid cannot be so dense)"
+                    .into(),
+            });
+        }
     }
     Ok(Methods { distance, transmittance })
 }
@@ -683,6 +728,23 @@ fn describe_panes(
 
 /// Most materials that a sentence of the plan names.
 const MOST_NAMED: usize = 8;
+
+/// Optical depth per voxel from which on walks by tentative collisions lose to exact ones whatever else there is: they take its root at every edge, and all of it
+/// where a cell is empty beside a voxel.
+const DENSE: f64 = 16_384.0;
+
+/// That from which on they do not end.
+const TOO_DENSE: f64 = 1e7;
+
+/// The largest optical depth per voxel of the majorants, and the volume's name.
+fn densest<'a>(scene: &'a Scene, settings: &RenderSettings) -> Option<(f64, &'a str)> {
+    let depth = |volume: &'a pileus_scene::Volume| match &*volume.medium {
+        Medium::Grid(grid) => Some((grid.majorant_depth_per_voxel(), volume.name.as_str())),
+        Medium::Homogeneous(_) => None,
+    };
+    let densest = scene.volumes.iter().filter_map(depth).max_by(|a, b| a.0.total_cmp(&b.0));
+    densest.map(|(depth, name)| (depth * f64::from(settings.majorant_scale.max(1.0)), name))
+}
 
 fn describe(name: &str, medium: &Medium) -> PlannedVolume {
     let phase = medium.phase().to_string();

@@ -1,7 +1,9 @@
 //! Grey and per-channel extinction behind one interface, so that an estimator is written once and grey media pay for one channel.
 
 use crate::elementary::exp;
+use crate::random::complement;
 use glam::Vec3;
+use rand_core::Rng;
 use std::fmt::Debug;
 use std::ops::{Add, AddAssign, Mul, MulAssign, Sub};
 
@@ -29,6 +31,8 @@ pub trait Spectrum:
     fn max_abs(self) -> f32;
     /// The product, zero wherever a factor is zero: estimates that overflow stay infinite and never become NaN.
     fn times(self, factor: Self) -> Self;
+    /// One less this per channel, without bias where ratios are lost to rounding: see [`complement`].
+    fn complement<R: Rng + ?Sized>(self, rng: &mut R) -> Self;
     /// `f` per channel.
     fn map(self, f: impl Fn(f32) -> f32) -> Self;
     /// Number of channels.
@@ -64,6 +68,10 @@ impl Spectrum for f32 {
     #[inline(always)]
     fn times(self, factor: f32) -> f32 {
         times(self, factor)
+    }
+    #[inline(always)]
+    fn complement<R: Rng + ?Sized>(self, rng: &mut R) -> f32 {
+        complement(self, rng)
     }
     #[inline(always)]
     fn map(self, f: impl Fn(f32) -> f32) -> f32 {
@@ -102,6 +110,10 @@ impl Spectrum for Vec3 {
     #[inline(always)]
     fn times(self, factor: Vec3) -> Vec3 {
         Vec3::new(times(self.x, factor.x), times(self.y, factor.y), times(self.z, factor.z))
+    }
+    #[inline(always)]
+    fn complement<R: Rng + ?Sized>(self, rng: &mut R) -> Vec3 {
+        Vec3::new(complement(self.x, rng), complement(self.y, rng), complement(self.z, rng))
     }
     #[inline(always)]
     fn map(self, f: impl Fn(f32) -> f32) -> Vec3 {

@@ -1,6 +1,7 @@
 //! A grid of colours, looked up where a path scatters.
 
 use crate::Error;
+use crate::clamped::Clamped;
 use crate::grid::{Interpolation, VoxelGrid, VoxelGridOptions};
 use crate::index_map::{box_over, snapped};
 use glam::{DVec3, Vec3};
@@ -13,6 +14,7 @@ pub struct ColorGrid {
     channels: Vec<VoxelGrid>,
     /// From the index space it is asked in to its own, if they differ.
     to_index: glam::DAffine3,
+    clamped: Clamped,
 }
 
 impl ColorGrid {
@@ -21,10 +23,11 @@ impl ColorGrid {
     /// # Errors
     /// As [`VoxelGrid::from_tree`].
     pub fn from_vec3_tree(tree: &Tree<[f32; 3]>, to_index: glam::DAffine3) -> Result<Self, Error> {
+        let clamped = Clamped::vectors(tree, (0.0, 1.0));
         let channels = (0..3)
             .map(|channel| ColorGrid::channel(&tree.clone().map(|v| v[channel])))
             .collect::<Result<_, _>>()?;
-        Ok(ColorGrid { channels, to_index: snapped(to_index) })
+        Ok(ColorGrid { channels, to_index: snapped(to_index), clamped })
     }
 
     /// From a scalar grid: grey.
@@ -32,11 +35,24 @@ impl ColorGrid {
     /// # Errors
     /// As [`VoxelGrid::from_tree`].
     pub fn from_float_tree(tree: &Tree<f32>, to_index: glam::DAffine3) -> Result<Self, Error> {
-        Ok(ColorGrid { channels: vec![ColorGrid::channel(tree)?], to_index: snapped(to_index) })
+        let clamped = Clamped::numbers(tree, (0.0, 1.0));
+        let channels = vec![ColorGrid::channel(tree)?];
+        Ok(ColorGrid { channels, to_index: snapped(to_index), clamped })
     }
 
     fn channel(tree: &Tree<f32>) -> Result<VoxelGrid, Error> {
         VoxelGrid::from_tree(tree, &VoxelGridOptions { interpolation: Interpolation::Trilinear })
+    }
+
+    /// The colour, if it is the same everywhere: of a grid without values, its background.
+    pub fn constant(&self) -> Option<Vec3> {
+        let constant = self.channels.iter().all(VoxelGrid::is_empty);
+        constant.then(|| self.at_index(DVec3::ZERO))
+    }
+
+    /// The numbers that were not in [0, 1], over all channels.
+    pub fn clamped(&self) -> Clamped {
+        self.clamped
     }
 
     /// Smallest value of each channel over a box of the asking medium's index space: never too large.

@@ -16,6 +16,18 @@ pub fn ln(x: f32) -> f32 {
     e as f32 * std::f32::consts::LN_2 + 2.0 * series
 }
 
+/// `-ln(bits / 2^32)` of a positive number of bits: as [`ln`], with the division in the exponent.
+#[inline(always)]
+pub(crate) fn minus_ln_of_share(bits: u32) -> f32 {
+    let bits = (bits as f32).to_bits().wrapping_sub(0x4f35_04f3);
+    let e = (bits as i32) >> 23;
+    let m = f32::from_bits((bits & 0x007f_ffff) + 0x3f35_04f3);
+    let s = (m - 1.0) / (m + 1.0);
+    let z = s * s;
+    let series = s + s * z * (1.0 / 3.0 + z * (1.0 / 5.0 + z * (1.0 / 7.0 + z * (1.0 / 9.0))));
+    e as f32 * -std::f32::consts::LN_2 - 2.0 * series
+}
+
 /// `e^x`, relative error below 2e-7; zero below -87.3, infinite above 88.7.
 ///
 /// The same bits on every machine: `x = k ln 2 + r`, `|r| <= ln(2) / 2`, and seven terms of the series in `r`.
@@ -76,6 +88,15 @@ mod tests {
             worst = worst.max(error);
         }
         assert!(worst < 2e-7, "worst relative error {worst:e}");
+    }
+
+    #[test]
+    fn logarithms_of_shares_are_those_of_numbers() {
+        for i in 1..500_000u32 {
+            let bits = i.wrapping_mul(2_654_435_769).max(256);
+            let share = bits as f32 * (1.0 / 4_294_967_296.0);
+            assert_eq!(minus_ln_of_share(bits), -ln(share), "{bits}");
+        }
     }
 
     #[test]

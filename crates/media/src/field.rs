@@ -37,6 +37,13 @@ pub trait RayField {
     /// Extinction at any ray parameter within the segments handed out so far, 1/length. Slower than [`sigma_t`](RayField::sigma_t).
     fn sigma_t_anywhere(&self, t: f32) -> f32;
 
+    /// Distance from the ray's start, in units of its parameter, at parameter `t` within the segments handed out so far. The parameter itself, but for fields that do
+    /// not count what lies between their segments.
+    #[inline(always)]
+    fn distance(&self, t: f64) -> f64 {
+        t
+    }
+
     /// Cells visited so far, with those that were skipped as empty.
     fn steps(&self) -> u64;
 }

@@ -2,6 +2,7 @@
 #![forbid(unsafe_code)]
 
 pub mod channels;
+mod clamped;
 mod collisions;
 mod color;
 pub mod distance;
@@ -24,6 +25,7 @@ mod tally;
 pub mod transmittance;
 
 pub use channels::{Channels, Grey, Relative, Spectrum};
+pub use clamped::Clamped;
 pub use collisions::{Tentative, TentativeCollisions};
 pub use color::ColorGrid;
 pub use emission::{
@@ -36,8 +38,8 @@ pub use field::{ExactField, MajorantSegment, RayField};
 pub use grid::{BuildReport, GridView, Half, Interpolation, Voxel, VoxelGrid, VoxelGridOptions};
 pub use homogeneous::{HomogeneousMedium, HomogeneousRay};
 pub use majorant::{
-    Adaptive, AnyPartition, COLLISION_COST, Cell, GridRay, Hierarchy, MajorantStructure, Majorants,
-    Partition, STEP_COST, StructureCost,
+    Adaptive, AnyPartition, COLLISION_COST, Cell, Corner, GridRay, Hierarchy, Lowest,
+    MajorantStructure, Majorants, Partition, STEP_COST, StructureCost, WideRay,
 };
 pub use medium::{Albedo, AnyGridRay, FieldKernel, GridMedium, Medium, Span, VoxelKernel};
 pub use phase::{Phase, PhaseAt};

@@ -7,10 +7,13 @@ use crate::flakes::{FlakeRay, Flakes};
 use crate::grid::{Half, Voxel, VoxelGrid, Voxels};
 use crate::homogeneous::HomogeneousMedium;
 use crate::law::Law;
-use crate::majorant::{Adaptive, AnyPartition, GridRay, MajorantStructure, Majorants, Partition};
+use crate::majorant::{
+    Adaptive, AnyPartition, GridRay, Line, Lowest, MajorantStructure, Majorants, Partition,
+    WideRay, distance,
+};
 use crate::phase::{Phase, PhaseAt};
 use crate::tally::Tally;
-use glam::{DAffine3, DVec3, Mat3, Vec3};
+use glam::{DAffine3, DVec3, Vec3};
 use rand_core::Rng;
 use std::sync::Arc;
 
@@ -27,6 +30,8 @@ pub enum Albedo {
 #[derive(Debug, Clone)]
 pub struct GridMedium {
     grid: Arc<VoxelGrid>,
+    /// Whether rays are walked in parts.
+    wide: bool,
     /// Largest channel of raw value to extinction, 1/length.
     scale: f32,
     /// Raw bound to majorant, 1/length.
@@ -38,7 +43,6 @@ pub struct GridMedium {
     phase: Phase,
     law: Option<Arc<Law>>,
     world_to_local: DAffine3,
-    direction_to_local: Mat3,
     local_to_world: DAffine3,
 }
 
@@ -49,8 +53,15 @@ pub struct Span {
     pub t_enter: f64,
     /// Length of the span in world units.
     pub length: f32,
-    p0: Vec3,
-    d: Vec3,
+    /// The same in local coordinates, without rounding.
+    line: Line,
+}
+
+impl Span {
+    /// World distance from the ray's origin to the end of the span.
+    pub fn t_exit(&self) -> f64 {
+        self.t_enter + self.line.length
+    }
 }
 
 impl GridMedium {
@@ -103,6 +114,7 @@ impl GridMedium {
             ));
         }
         Ok(GridMedium {
+            wide: grid.is_wide(),
             grid,
             scale,
             bound_scale: scale,
@@ -112,7 +124,6 @@ impl GridMedium {
             phase,
             law: None,
             world_to_local,
-            direction_to_local: world_to_local.matrix3.as_mat3(),
             local_to_world,
         })
     }
@@ -158,6 +169,13 @@ impl GridMedium {
     /// Edge of a voxel in the world; the geometric mean where edges differ.
     fn voxel_length(&self) -> f32 {
         self.local_to_world.matrix3.determinant().abs().cbrt() as f32
+    }
+
+    /// Optical depth of the largest majorant along the longest edge of a voxel: what methods of tentative collisions may have to look up in one.
+    pub fn majorant_depth_per_voxel(&self) -> f64 {
+        let m = self.local_to_world.matrix3;
+        let longest = m.x_axis.length().max(m.y_axis.length()).max(m.z_axis.length());
+        f64::from(self.bound_scale) * f64::from(self.grid.range().1) * longest
     }
 
     /// From index space to the world.
@@ -206,15 +224,15 @@ impl GridMedium {
     }
 
     /// The ray field of a span for a medium of flakes: `ray` is that of its density.
-    pub fn flake_ray<'a, F>(
+    pub fn flake_ray<'a, F: RayField>(
         &'a self,
         ray: F,
         flakes: &'a Flakes,
         direction: Vec3,
         span: &Span,
     ) -> FlakeRay<'a, F> {
-        let start = span.p0.as_dvec3() + self.grid.local_to_index();
-        FlakeRay::new(ray, flakes, direction, [start, span.d.as_dvec3()])
+        let start = span.line.p + self.grid.local_to_index();
+        FlakeRay::new(ray, flakes, direction, [start, span.line.d])
     }
 
     /// The albedo.
@@ -296,23 +314,39 @@ impl GridMedium {
     #[inline(always)]
     pub fn span(&self, origin: DVec3, direction: Vec3, t_max: f64) -> Option<Span> {
         let o = self.world_to_local.transform_point3(origin);
-        let d = self.direction_to_local * direction;
+        // In double precision: the origin may be far off.
+        let d = self.world_to_local.matrix3 * direction.as_dvec3();
         // Also refuses NaN, which the clipping would pass over.
         if !(d.length_squared() > 0.0) {
             return None;
         }
-        let (t0, t1) = self.clip_local(o, d.as_dvec3(), 0.0, t_max)?;
-        let p0 = (o + d.as_dvec3() * t0).as_vec3();
-        Some(Span { t_enter: t0, length: (t1 - t0) as f32, p0, d })
+        let (t0, t1) = self.clip_local(o, d, 0.0, t_max)?;
+        let line = Line { p: o + d * t0, d, length: t1 - t0 };
+        Some(Span { t_enter: t0, length: line.length as f32, line })
     }
 
     /// The part of a ray up to `t_max` that may hold extinction, in world distance from its origin.
     pub fn extent(&self, origin: DVec3, direction: Vec3, t_max: f64) -> Option<(f64, f64)> {
         let span = self.span(origin, direction, t_max)?;
-        Some((span.t_enter, span.t_enter + f64::from(span.length)))
+        Some((span.t_enter, span.t_exit()))
     }
 
-    /// The ray field of a span, for a grid stored as `V`, on the hierarchy that every medium has by default.
+    /// Whether the grid is so wide that its rays are walked in parts: more than 2^13 voxels along an axis, which single precision cannot count
+    /// from one corner. Only [`any_ray`](GridMedium::any_ray) and what is made of it does so.
+    pub fn is_wide(&self) -> bool {
+        self.wide
+    }
+
+    /// World distance from the ray's origin at parameter `t` of a field of this span: see [`RayField::distance`].
+    #[inline]
+    pub fn world_distance(&self, span: &Span, t: f32) -> f64 {
+        let t = f64::from(t);
+        let t = if self.is_wide() { distance(&self.grid, &span.line, t) } else { t };
+        span.t_enter + t
+    }
+
+    /// The ray field of a span, for a grid stored as `V`, on the hierarchy that every medium has by default; for grids that are not
+    /// [wide](GridMedium::is_wide).
     #[inline(always)]
     pub fn ray<'a, V: Voxel>(&'a self, voxels: &'a [V], span: &Span) -> GridRay<'a, V> {
         self.ray_of_share(voxels, span, 1.0)
@@ -326,7 +360,7 @@ impl GridMedium {
         span: &Span,
         share: f32,
     ) -> GridRay<'a, V> {
-        let partition = Adaptive::new(&self.grid, share * self.bound_scale / span.d.length());
+        let partition = Adaptive::new(&self.grid, self.per_voxel(span, share));
         self.ray_on(voxels, partition, span, share)
     }
 
@@ -348,8 +382,14 @@ impl GridMedium {
         span: &Span,
         share: f32,
     ) -> GridRay<'a, V, AnyPartition<'a>> {
-        let per_voxel = share * self.bound_scale / span.d.length();
+        let per_voxel = self.per_voxel(span, share);
         self.ray_on(voxels, self.majorants.partition(&self.grid, per_voxel), span, share)
+    }
+
+    /// Raw bound to majorant per voxel along a span.
+    #[inline(always)]
+    fn per_voxel(&self, span: &Span, share: f32) -> f32 {
+        share * self.bound_scale / span.line.d.as_vec3().length()
     }
 
     #[inline(always)]
@@ -361,12 +401,22 @@ impl GridMedium {
         share: f32,
     ) -> GridRay<'a, V, P> {
         let scales = [share * self.scale, share * self.bound_scale];
-        GridRay::new(self.grid.view(voxels), partition, scales, span.p0, span.d, span.length)
+        GridRay::new(self.grid.view(voxels), partition, scales, Lowest, span.line)
+    }
+
+    /// The ray field of a span of a wide grid.
+    #[inline(never)]
+    fn wide_ray<'a>(&'a self, partition: AnyPartition<'a>, span: &Span) -> AnyGridRay<'a> {
+        let scales = [self.scale, self.bound_scale];
+        AnyGridRay::Wide(Box::new(WideRay::new(&self.grid, partition, scales, span.line)))
     }
 
     /// The ray field of a span on cells that are a function of the point alone, also where voxels are longer along some axes.
     pub(crate) fn point_ray(&self, span: &Span) -> AnyGridRay<'_> {
         let partition = self.point_cells();
+        if self.is_wide() {
+            return self.wide_ray(AnyPartition::Adaptive(partition), span);
+        }
         match &self.grid.voxels {
             Voxels::Half(voxels) => AnyGridRay::Half(self.ray_on(voxels, partition, span, 1.0)),
             Voxels::Single(voxels) => AnyGridRay::Single(self.ray_on(voxels, partition, span, 1.0)),
@@ -391,6 +441,10 @@ impl GridMedium {
     /// The ray field of a span, whatever the voxel type and the structure.
     #[inline(always)]
     pub fn any_ray(&self, span: &Span) -> AnyGridRay<'_> {
+        if self.is_wide() {
+            let partition = self.majorants.partition(&self.grid, self.per_voxel(span, 1.0));
+            return self.wide_ray(partition, span);
+        }
         match (&self.grid.voxels, self.majorants.is_adaptive()) {
             (Voxels::Half(voxels), true) => AnyGridRay::Half(self.ray(voxels, span)),
             (Voxels::Single(voxels), true) => AnyGridRay::Single(self.ray(voxels, span)),
@@ -450,17 +504,20 @@ pub enum AnyGridRay<'a> {
     HalfOther(GridRay<'a, Half, AnyPartition<'a>>),
     /// Voxels stored as binary32, likewise.
     SingleOther(GridRay<'a, f32, AnyPartition<'a>>),
+    /// Through a grid that is too wide for single precision.
+    Wide(Box<WideRay<'a>>),
 }
 
 impl AnyGridRay<'_> {
     /// The local point at ray parameter `t` of the segment handed out last, inside its cell whatever rounding says.
     #[inline]
-    pub(crate) fn local_in_cell(&self, t: f32) -> Vec3 {
+    pub(crate) fn local_in_cell(&self, t: f32) -> DVec3 {
         match self {
-            AnyGridRay::Half(ray) => ray.local_in_cell(t),
-            AnyGridRay::Single(ray) => ray.local_in_cell(t),
-            AnyGridRay::HalfOther(ray) => ray.local_in_cell(t),
-            AnyGridRay::SingleOther(ray) => ray.local_in_cell(t),
+            AnyGridRay::Half(ray) => ray.local_in_cell(t).as_dvec3(),
+            AnyGridRay::Single(ray) => ray.local_in_cell(t).as_dvec3(),
+            AnyGridRay::HalfOther(ray) => ray.local_in_cell(t).as_dvec3(),
+            AnyGridRay::SingleOther(ray) => ray.local_in_cell(t).as_dvec3(),
+            AnyGridRay::Wide(ray) => ray.local_in_cell(t),
         }
     }
 }
@@ -473,6 +530,7 @@ impl RayField for AnyGridRay<'_> {
             AnyGridRay::Single(ray) => ray.next_segment(),
             AnyGridRay::HalfOther(ray) => ray.next_segment(),
             AnyGridRay::SingleOther(ray) => ray.next_segment(),
+            AnyGridRay::Wide(ray) => ray.next_segment(),
         }
     }
 
@@ -482,6 +540,7 @@ impl RayField for AnyGridRay<'_> {
             AnyGridRay::Single(ray) => ray.minorant(),
             AnyGridRay::HalfOther(ray) => ray.minorant(),
             AnyGridRay::SingleOther(ray) => ray.minorant(),
+            AnyGridRay::Wide(ray) => ray.minorant(),
         }
     }
 
@@ -492,6 +551,7 @@ impl RayField for AnyGridRay<'_> {
             AnyGridRay::Single(ray) => ray.sigma_t(t),
             AnyGridRay::HalfOther(ray) => ray.sigma_t(t),
             AnyGridRay::SingleOther(ray) => ray.sigma_t(t),
+            AnyGridRay::Wide(ray) => ray.sigma_t(t),
         }
     }
 
@@ -501,6 +561,14 @@ impl RayField for AnyGridRay<'_> {
             AnyGridRay::Single(ray) => ray.sigma_t_anywhere(t),
             AnyGridRay::HalfOther(ray) => ray.sigma_t_anywhere(t),
             AnyGridRay::SingleOther(ray) => ray.sigma_t_anywhere(t),
+            AnyGridRay::Wide(ray) => ray.sigma_t_anywhere(t),
+        }
+    }
+
+    fn distance(&self, t: f64) -> f64 {
+        match self {
+            AnyGridRay::Wide(ray) => ray.distance(t),
+            _ => t,
         }
     }
 
@@ -510,6 +578,7 @@ impl RayField for AnyGridRay<'_> {
             AnyGridRay::Single(ray) => ray.steps(),
             AnyGridRay::HalfOther(ray) => ray.steps(),
             AnyGridRay::SingleOther(ray) => ray.steps(),
+            AnyGridRay::Wide(ray) => ray.steps(),
         }
     }
 }
@@ -521,6 +590,7 @@ impl ExactField for AnyGridRay<'_> {
             AnyGridRay::Single(ray) => ray.optical_depth(tally),
             AnyGridRay::HalfOther(ray) => ray.optical_depth(tally),
             AnyGridRay::SingleOther(ray) => ray.optical_depth(tally),
+            AnyGridRay::Wide(ray) => ray.optical_depth(tally),
         }
     }
 
@@ -530,6 +600,7 @@ impl ExactField for AnyGridRay<'_> {
             AnyGridRay::Single(ray) => ray.t_at_depth(depth, tally),
             AnyGridRay::HalfOther(ray) => ray.t_at_depth(depth, tally),
             AnyGridRay::SingleOther(ray) => ray.t_at_depth(depth, tally),
+            AnyGridRay::Wide(ray) => ray.t_at_depth(depth, tally),
         }
     }
 }

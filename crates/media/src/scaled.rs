@@ -38,6 +38,10 @@ impl<F: RayField> RayField for Scaled<F> {
         self.field.sigma_t_anywhere(t) * self.factor
     }
 
+    fn distance(&self, t: f64) -> f64 {
+        self.field.distance(t)
+    }
+
     fn steps(&self) -> u64 {
         self.field.steps()
     }

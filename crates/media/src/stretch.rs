@@ -5,7 +5,7 @@
 
 use crate::channels::{Channels, Spectrum};
 use crate::field::{MajorantSegment, RayField};
-use crate::random::uniform;
+use crate::random::happens;
 use crate::tally::Tally;
 use rand_core::Rng;
 use smallvec::SmallVec;
@@ -185,7 +185,7 @@ pub(crate) fn product_over_stretches<F: RayField, C: Channels, R: Rng + ?Sized>(
         }
         if size < threshold {
             let survive = size / threshold;
-            if uniform(rng) >= survive {
+            if !happens(survive, rng) {
                 product = C::Value::ZERO;
                 break;
             }

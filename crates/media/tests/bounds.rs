@@ -111,7 +111,7 @@ fn check_ray(
         // Shorter gaps are what the rounding of positions to single precision leaves.
         if to - from > 1e-5 * span.length {
             let t = from + (to - from) * uniform(rng);
-            let p = origin + direction.as_dvec3() * (span.t_enter + f64::from(t));
+            let p = origin + direction.as_dvec3() * medium.world_distance(&span, t);
             let value = medium.sigma_t_at(p);
             // Single precision may be off by some 1e-3 voxels at the ends of what was skipped.
             let bound = f64::from(medium.grid().range().1) * f64::from(medium.scale());

@@ -8,8 +8,8 @@ use std::time::Instant;
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 use pileus_media::phase::CosineGrid;
 use pileus_media::{
-    Albedo, BuildReport, ColorGrid, EmissionField, GridMedium, HomogeneousMedium, Interpolation,
-    Medium, Phase, VoxelGrid, VoxelGridOptions,
+    Albedo, BuildReport, Clamped, ColorGrid, EmissionField, GridMedium, HomogeneousMedium,
+    Interpolation, Medium, Phase, VoxelGrid, VoxelGridOptions,
 };
 use pileus_vdb::{GridClass, GridInfo, Tree, ValueType, Values, VdbFile};
 
@@ -331,6 +331,14 @@ impl VolumeLoader {
             _ => ColorGrid::from_float_tree(&values.to_float().map_err(vdb_error)?, to_own),
         };
         let grid = grid.map_err(|source| Error::medium(place("/albedo/grid"), source))?;
+        warn_of_clamped(&grid.clamped(), path, info, "albedo", (0.0, 1.0));
+        if let Some(albedo) = grid.constant() {
+            tracing::warn!(
+                "{}: grid `{}` holds nothing but its background: the albedo is {albedo} everywhere",
+                path.display(),
+                info.full_name()
+            );
+        }
         self.seconds_build += start.elapsed().as_secs_f64();
         Ok(Albedo::Grid(Arc::new(grid)))
     }
@@ -362,8 +370,37 @@ impl VolumeLoader {
         let (scale, offset) = (number(by_grid.scale, 1.0), number(by_grid.offset, 0.0));
         let grid = CosineGrid::new(&tree, scale, offset, to_own)
             .map_err(|source| Error::medium(place("/phase/g"), source))?;
+        warn_of_clamped(&grid.clamped(), path, info, "mean cosine", (-1.0, 1.0));
         self.seconds_build += start.elapsed().as_secs_f64();
         Ok(Phase::ByGrid(Arc::new(grid)))
+    }
+}
+
+/// Says what of a grid counts as something else.
+pub(crate) fn warn_of_clamped(
+    clamped: &Clamped,
+    path: &Path,
+    grid: &GridInfo,
+    what: &str,
+    (low, high): (f32, f32),
+) {
+    let Clamped { non_finite, below, above, largest } = *clamped;
+    let of = format!("{}: grid `{}`, {what}", path.display(), grid.full_name());
+    if non_finite > 0 {
+        tracing::warn!("{of}: {non_finite} values are not finite and count as 0");
+    }
+    if below > 0 {
+        tracing::warn!("{of}: {below} values are below {low} and count as {low}");
+    }
+    if above > 0 {
+        let bytes = if low == 0.0 && largest > 2.0 && largest <= 255.0 {
+            "; if they are bytes, divide them by 255"
+        } else {
+            ""
+        };
+        tracing::warn!(
+            "{of}: {above} values are above {high} and count as {high}, the largest is {largest}{bytes}"
+        );
     }
 }
 
@@ -397,6 +434,7 @@ impl PhaseGrids<'_> {
 impl FlakeGrids for PhaseGrids<'_> {
     fn vectors(&mut self, name: &str, key: &str) -> Result<(Tree<[f32; 3]>, DAffine3), Error> {
         let (grid, map, place) = self.read(name, key)?;
+        let info = grid.info.clone();
         let tree = match grid.values {
             Values::Vec3f(tree) => tree,
             Values::Vec3d(tree) => tree.map(|v| v.map(|c| c as f32)),
@@ -408,12 +446,17 @@ impl FlakeGrids for PhaseGrids<'_> {
                 ));
             }
         };
+        let all = (f32::NEG_INFINITY, f32::INFINITY);
+        warn_of_clamped(&Clamped::vectors(&tree, all), self.path, &info, "flakes", all);
         Ok((tree, map))
     }
 
     fn numbers(&mut self, name: &str, key: &str) -> Result<(Tree<f32>, DAffine3), Error> {
         let (grid, map, place) = self.read(name, key)?;
+        let info = grid.info.clone();
         let tree = grid.to_float().map_err(|source| Error::vdb(place, source))?;
+        let range = (0.0, 1.0);
+        warn_of_clamped(&Clamped::numbers(&tree, range), self.path, &info, "roughness", range);
         Ok((tree, map))
     }
 }

@@ -13,7 +13,7 @@ use pileus_media::distance::{
     real_probability, spectral_tracking,
 };
 use pileus_media::flakes::{FlakeRay, Flakes};
-use pileus_media::random::{exponential, uniform};
+use pileus_media::random::{exponential, happens};
 use pileus_media::transmittance::{Estimator, RatioEstimate, ratio_tracking_with_roulette};
 use pileus_media::{
     AnyGridRay, Channels, ExactField, FieldKernel, Grey, GridMedium, HomogeneousMedium,
@@ -73,6 +73,13 @@ impl RayField for AnyRay<'_> {
             AnyRay::HomogeneousFlakes(ray) => ray.sigma_t_anywhere(t),
         }
     }
+    fn distance(&self, t: f64) -> f64 {
+        match self {
+            AnyRay::Grid(ray) => ray.distance(t),
+            AnyRay::GridOfFlakes(ray) => ray.distance(t),
+            AnyRay::Homogeneous(_) | AnyRay::HomogeneousFlakes(_) => t,
+        }
+    }
     fn steps(&self) -> u64 {
         match self {
             AnyRay::Grid(ray) => ray.steps(),
@@ -111,11 +118,18 @@ struct Walker<'a> {
     /// Whether shadow rays walk this medium by the same collisions, so that its null decisions belong into the weights.
     weighted: bool,
     next: Option<Tentative>,
+    /// Where on the ray; infinite if there is none.
+    t: f64,
 }
 
 impl Walker<'_> {
-    fn t(&self) -> f64 {
-        self.next.map_or(f64::INFINITY, |next| self.t_enter + f64::from(next.t))
+    /// Takes a collision of the walk for the next one.
+    #[inline(always)]
+    fn meet(&mut self, next: Option<Tentative>) {
+        self.next = next;
+        self.t = next.map_or(f64::INFINITY, |next| {
+            self.t_enter + self.walk.field().distance(f64::from(next.t))
+        });
     }
 }
 
@@ -155,9 +169,7 @@ impl<'a> Entry<'a> {
     /// Where the ray leaves.
     fn t_exit(&self) -> f64 {
         match self {
-            Entry::Grid(_, span) | Entry::GridOfFlakes(.., span) => {
-                span.t_enter + f64::from(span.length)
-            }
+            Entry::Grid(_, span) | Entry::GridOfFlakes(.., span) => span.t_exit(),
             Entry::Homogeneous(_, t, length) | Entry::HomogeneousFlakes(.., (t, length)) => {
                 t + f64::from(*length)
             }
@@ -178,6 +190,17 @@ impl<'a> Entry<'a> {
         match self {
             Entry::Grid(_, span) | Entry::GridOfFlakes(.., span) => span.t_enter,
             Entry::Homogeneous(_, t, _) | Entry::HomogeneousFlakes(.., (t, _)) => *t,
+        }
+    }
+
+    /// Where on the ray the parameter `t` of the field is.
+    #[inline]
+    pub(super) fn at(&self, t: f32) -> f64 {
+        match self {
+            Entry::Grid(grid, span) | Entry::GridOfFlakes(grid, .., span) => {
+                grid.world_distance(span, t)
+            }
+            Entry::Homogeneous(..) | Entry::HomogeneousFlakes(..) => self.t() + f64::from(t),
         }
     }
 
@@ -392,7 +415,7 @@ impl<'a> Overlapping<'a> {
             flown.null_probability *= flight.null_probability;
         }
         match flight.flight {
-            Flight::Collision(t) => Some(Collision { t: entry.t() + f64::from(t), medium: index }),
+            Flight::Collision(t) => Some(Collision { t: entry.at(t), medium: index }),
             Flight::Escape => None,
         }
     }
@@ -436,7 +459,7 @@ impl<'a> Overlapping<'a> {
                 flown.null_probability *= null_probability;
             }
             if let Flight::Collision(t) = flight {
-                let t = t_enter + f64::from(t);
+                let t = entry.at(t);
                 if nearest.is_none_or(|nearest| t < nearest.t) {
                     nearest = Some(Collision { t, medium: index });
                 }
@@ -495,9 +518,8 @@ impl Media for Overlapping<'_> {
         let by_throughput = self.methods.distance == DistanceSampler::Spectral;
         let mut walkers: SmallVec<[Walker; 4]> = SmallVec::new();
         let collision = loop {
-            let nearest =
-                (0..walkers.len()).min_by(|&a, &b| walkers[a].t().total_cmp(&walkers[b].t()));
-            let t = nearest.map_or(f64::INFINITY, |nearest| walkers[nearest].t());
+            let nearest = (0..walkers.len()).min_by(|&a, &b| walkers[a].t.total_cmp(&walkers[b].t));
+            let t = nearest.map_or(f64::INFINITY, |nearest| walkers[nearest].t);
             // A medium is walked once the flight has come to where it begins.
             if ahead.last().is_some_and(|(_, entry)| entry.t() <= t)
                 && let Some((index, entry)) = ahead.pop()
@@ -509,14 +531,17 @@ impl Media for Overlapping<'_> {
                 let relative = medium.relative_extinction();
                 let weighted = self.methods.weigh_the_way(relative == Vec3::ONE)
                     && !endless(medium, ray, t_max);
-                walkers.push(Walker {
+                let mut walker = Walker {
                     medium: index,
                     t_enter: entry.t(),
                     relative,
                     walk,
                     weighted,
-                    next,
-                });
+                    next: None,
+                    t: f64::INFINITY,
+                };
+                walker.meet(next);
+                walkers.push(walker);
                 continue;
             }
             let walker = nearest.map(|nearest| &mut walkers[nearest]);
@@ -529,10 +554,10 @@ impl Media for Overlapping<'_> {
             let real = walker.relative * (sigma_t / next.majorant);
             let weights = if by_throughput { flown.beta } else { Vec3::ONE };
             let probability = real_probability(real, weights);
-            if uniform(rng) < probability {
+            if happens(probability, rng) {
                 tally.collisions += 1;
                 flown.beta *= real / probability;
-                break Some(Collision { t: walker.t(), medium: walker.medium });
+                break Some(Collision { t: walker.t, medium: walker.medium });
             }
             tally.null_collisions += 1;
             flown.beta *= (Vec3::ONE - real) / (1.0 - probability);
@@ -542,7 +567,8 @@ impl Media for Overlapping<'_> {
             // No extinction in any channel that is left, now and for all that follows: an endless walk would not end.
             let transparent =
                 probability == 0.0 && matches!(*self.media[walker.medium], Medium::Homogeneous(_));
-            walker.next = if transparent { None } else { walker.walk.next(rng) };
+            let next = if transparent { None } else { walker.walk.next(rng) };
+            walker.meet(next);
         };
         for walker in &walkers {
             tally.majorant_steps += walker.walk.field().steps();

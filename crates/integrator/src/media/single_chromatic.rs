@@ -9,7 +9,7 @@
 use super::single_grey::{plain_properties, plain_scattering};
 use super::{Collision, Ending, Flown, Leg, Media, Parted, Ray, Shadow, Structures};
 use glam::{DVec3, Vec3};
-use pileus_media::random::uniform;
+use pileus_media::random::Decision;
 use pileus_media::transmittance::ratio_tracking_with_roulette;
 use pileus_media::{
     GridMedium, PhaseAt, RayField, Relative, Spectrum, Tally, TentativeCollisions, Voxel,
@@ -61,7 +61,10 @@ impl<V: Voxel, S: Structures> Media for SingleChromatic<'_, V, S> {
         relative /= share;
         let field = S::ray(self.medium, self.voxels, &span, share);
         let (mut walk, mut decision) = match first {
-            Some([depth, u]) => (TentativeCollisions::with_first(field, depth), Some(u)),
+            Some([depth, u]) => {
+                let walk = TentativeCollisions::with_first(field, depth);
+                (walk, Some(Decision::of_stratified(u)))
+            }
             None => (TentativeCollisions::new(field), None),
         };
         let mut inverse = 1.0;
@@ -80,8 +83,8 @@ impl<V: Voxel, S: Structures> Media for SingleChromatic<'_, V, S> {
             tally.lookups += 1;
             tally.violations += u64::from(sigma_t > tentative.majorant);
             let real = relative * (inverse * (sigma_t / tentative.majorant));
-            let u = decision.take().unwrap_or_else(|| uniform(rng));
-            let collide = Vec3::splat(u).cmplt(real);
+            let mut u = decision.take().unwrap_or_else(|| Decision::new(rng));
+            let collide = u.is_below_each(real, rng);
             if collide.any() {
                 tally.collisions += 1;
                 let channels = Vec3::select(collide, left, Vec3::ZERO);

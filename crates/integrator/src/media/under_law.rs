@@ -124,7 +124,7 @@ impl Media for UnderLaw<'_> {
             let flight = self.fly(own, flown.beta, first.take(), rng, tally);
             flown.beta *= flight.weight;
             if let Flight::Collision(t) = flight.flight {
-                let t = t_enter + f64::from(t);
+                let t = entry.at(t);
                 if nearest.is_none_or(|nearest| t < nearest.t) {
                     nearest = Some(Collision { t, medium });
                 }

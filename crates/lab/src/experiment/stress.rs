@@ -176,7 +176,7 @@ fn single_scattering(grid: &GridMedium, origin: DVec3, direction: Vec3, light: D
     let Some(span) = grid.span(origin, direction, f64::INFINITY) else {
         return 0.0;
     };
-    let part = (span.t_enter, span.t_enter + f64::from(span.length));
+    let part = (span.t_enter, span.t_exit());
     let Some(points) = Equiangular::new(origin, direction, light, part) else {
         return 0.0;
     };

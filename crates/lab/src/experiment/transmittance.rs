@@ -140,8 +140,12 @@ impl VoxelKernel for OnGrid<'_> {
     fn run<V: Voxel>(self, voxels: &[V]) -> Vec<Measured> {
         let measure = |(i, ray): (usize, &LabRay)| {
             let span = self.medium.span(ray.origin, ray.direction, f64::INFINITY)?;
-            let field = || self.medium.ray(voxels, &span);
-            let samples = sample(self.settings, self.method, i as u64, field);
+            let (settings, method) = (self.settings, self.method);
+            let samples = if self.medium.is_wide() {
+                sample(settings, method, i as u64, || self.medium.any_ray(&span))
+            } else {
+                sample(settings, method, i as u64, || self.medium.ray(voxels, &span))
+            };
             let exact = (-ray.optical_depth).exp();
             Some(Measured { class: ray.class.name().to_owned(), exact, samples })
         };

@@ -5,7 +5,7 @@ use super::{Flight, WeightedFlight};
 use crate::channels::{Channels, Spectrum};
 use crate::collisions::TentativeCollisions;
 use crate::field::RayField;
-use crate::random::uniform;
+use crate::random::Decision;
 use crate::tally::Tally;
 use rand_core::Rng;
 
@@ -32,8 +32,8 @@ pub fn decomposition_tracking<F: RayField, C: Channels, R: Rng + ?Sized>(
         let throughput = beta.times(weight);
         let control = channels.of(walk.field().minorant() / tentative.majorant);
         let p_control = real_probability(control, throughput);
-        let u = uniform(rng);
-        if u < p_control {
+        let mut u = Decision::new(rng);
+        if u.is_below(p_control, rng) {
             tally.collisions += 1;
             weight = weight.times(control * (1.0 / p_control));
             break Flight::Collision(tentative.t);
@@ -46,7 +46,8 @@ pub fn decomposition_tracking<F: RayField, C: Channels, R: Rng + ?Sized>(
         let p_residual = real_probability(residual, throughput).min(1.0 - p_control);
         let p_null = 1.0 - p_control - p_residual;
         // Without a probability of null collisions only rounding could lead to one.
-        if u - p_control < p_residual || !(p_null > 0.0) {
+        let p_real = f64::from(p_control) + f64::from(p_residual);
+        if u.is_below_exactly(p_real, rng) || !(p_null > 0.0) {
             tally.collisions += 1;
             weight = weight.times(residual * (1.0 / p_residual));
             break Flight::Collision(tentative.t);

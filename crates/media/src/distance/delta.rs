@@ -6,7 +6,7 @@ use super::{Flight, WeightedFlight};
 use crate::channels::{Channels, Spectrum};
 use crate::collisions::TentativeCollisions;
 use crate::field::RayField;
-use crate::random::uniform;
+use crate::random::happens_of;
 use crate::tally::Tally;
 use rand_core::Rng;
 
@@ -29,7 +29,7 @@ pub fn delta_tracking<F: RayField, R: Rng + ?Sized>(
         let sigma_t = walk.sigma_t(tentative);
         tally.lookups += 1;
         tally.violations += u64::from(sigma_t > tentative.majorant);
-        if uniform(rng) * tentative.majorant < sigma_t {
+        if happens_of(sigma_t, tentative.majorant, rng) {
             tally.collisions += 1;
             break Flight::Collision(tentative.t);
         }

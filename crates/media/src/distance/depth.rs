@@ -2,7 +2,7 @@
 
 use super::{Flight, WeightedFlight};
 use crate::channels::{Channels, Spectrum};
-use crate::random::uniform;
+use crate::random::Decision;
 use crate::tally::Tally;
 use rand_core::Rng;
 
@@ -16,14 +16,15 @@ pub(super) fn choose_channel<S: Spectrum, R: Rng + ?Sized>(beta: S, rng: &mut R)
     if S::COUNT == 1 {
         return 0;
     }
-    let total: f32 = (0..S::COUNT).map(|c| beta.channel(c).abs()).sum();
-    let mut u = uniform(rng) * if total > 0.0 { total } else { S::COUNT as f32 };
-    for c in 0..S::COUNT {
-        let share = if total > 0.0 { beta.channel(c).abs() } else { 1.0 };
-        if u < share {
+    let weight = |c: usize| f64::from(beta.channel(c).abs());
+    let total: f64 = (0..S::COUNT).map(weight).sum();
+    let mut u = Decision::new(rng);
+    let mut up_to = 0.0;
+    for c in 0..S::COUNT - 1 {
+        up_to += if total > 0.0 { weight(c) / total } else { 1.0 / S::COUNT as f64 };
+        if u.is_below_exactly(up_to, rng) {
             return c;
         }
-        u -= share;
     }
     S::COUNT - 1
 }

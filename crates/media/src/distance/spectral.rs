@@ -8,17 +8,13 @@ use crate::field::RayField;
 use crate::tally::Tally;
 use rand_core::Rng;
 
-/// The distance of neighbouring uniform numbers. A decision of a smaller probability `p > 0` would still happen this often, with the
-/// weight `1 / p`.
-const SMALLEST_UNIFORM: f32 = 1.0 / 16_777_216.0;
-
 /// Probability of taking a tentative collision for real: the mean of `real`, extinction over majorant per channel, by the throughput `beta`.
 ///
-/// What is possible happens at least as often as a uniform number can say: weights must divide by the true frequency.
+/// Zero below the smallest normal number of single precision, whose reciprocal weights could not hold.
 #[inline(always)]
 pub fn real_probability<S: Spectrum>(real: S, beta: S) -> f32 {
     let probability = real.mean_by(beta).min(1.0);
-    if probability > 0.0 { probability.max(SMALLEST_UNIFORM) } else { 0.0 }
+    if probability >= f32::MIN_POSITIVE { probability } else { 0.0 }
 }
 
 /// Flies to the next real collision of a path with throughput `beta`.

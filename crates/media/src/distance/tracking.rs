@@ -4,7 +4,7 @@ use super::{Flight, WeightedFlight};
 use crate::channels::{Channels, Spectrum};
 use crate::collisions::TentativeCollisions;
 use crate::field::RayField;
-use crate::random::uniform;
+use crate::random::happens;
 use crate::tally::Tally;
 use rand_core::Rng;
 
@@ -30,7 +30,7 @@ pub(super) fn track<F: RayField, C: Channels, R: Rng + ?Sized>(
         tally.violations += u64::from(sigma_t > tentative.majorant);
         let real = channels.of(sigma_t / tentative.majorant);
         let p = probability(real, beta.times(weight));
-        if uniform(rng) < p {
+        if happens(p, rng) {
             tally.collisions += 1;
             weight = weight.times(real * (1.0 / p));
             break Flight::Collision(tentative.t);

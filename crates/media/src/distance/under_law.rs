@@ -12,7 +12,7 @@ use rand_core::Rng;
 ///
 /// Exact: the collision has the density `p_u` or `p_c` of the law times the extinction, the escape the survival `X_u` or `X_c`. Null collisions do not apply: the law has a memory. With several
 /// channels the depth is drawn for one, chosen in proportion to the throughput, and weighted by the mean over channels of the densities that all would have had (balance heuristic);
-/// where the law has an atom, which channels do not share, a collision counts for the chosen channel alone. Cost: every voxel on the way.
+/// where the law has an atom, which channels of other extinction do not share, a collision counts for those of the chosen one's alone. Grey media stay grey. Cost: every voxel on the way.
 pub fn regular_flight_under_law<F: ExactField, C: Channels, R: Rng + ?Sized>(
     field: &F,
     passage: Passage<'_>,
@@ -29,6 +29,7 @@ pub fn regular_flight_under_law<F: ExactField, C: Channels, R: Rng + ?Sized>(
     let whole = match field.t_at_depth(depth, tally) {
         Ok(t) if depth < f64::INFINITY => {
             tally.collisions += 1;
+            let own = relative.channel(channel);
             let density = relative.map(|r| {
                 if r > 0.0 {
                     (f64::from(r) * passage.density(f64::from(r) * depth)) as f32
@@ -37,10 +38,10 @@ pub fn regular_flight_under_law<F: ExactField, C: Channels, R: Rng + ?Sized>(
                 }
             });
             let mean = density.mean_by(beta);
-            let weight = if C::Value::COUNT == 1 {
+            let weight = if relative == C::Value::splat(own) {
                 C::Value::ONE
             } else if passage.has_atom() || !(mean > 0.0) {
-                alone(channel, beta)
+                alone(relative.map(|r| if r == own { 1.0 } else { 0.0 }), beta)
             } else {
                 density * (1.0 / mean)
             };
@@ -62,10 +63,7 @@ pub fn regular_flight_under_law<F: ExactField, C: Channels, R: Rng + ?Sized>(
     WeightedFlight { flight: Flight::Escape, weight, null_probability: 1.0 }
 }
 
-/// One over the probability of the chosen channel, in that channel alone.
-fn alone<S: Spectrum>(channel: usize, beta: S) -> S {
-    let total: f32 = (0..S::COUNT).map(|c| beta.channel(c).abs()).sum();
-    let share =
-        if total > 0.0 { beta.channel(channel).abs() / total } else { 1.0 / S::COUNT as f32 };
-    S::one_channel(channel, 1.0 / share)
+/// One over the probability that one of the channels `chosen` (one, others zero) was, in those alone.
+fn alone<S: Spectrum>(chosen: S, beta: S) -> S {
+    chosen * (1.0 / chosen.mean_by(beta))
 }

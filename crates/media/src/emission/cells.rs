@@ -10,7 +10,7 @@ use crate::grid::{Interpolation, VoxelGrid, VoxelGridOptions};
 use glam::{DMat3, DVec3, Vec3};
 use pileus_vdb::{LEAF_VALUES, Tile, Tree};
 use rayon::prelude::*;
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, HashSet};
 
 /// Sizes of constant regions as powers of two, as OpenVDB has them, and that of a brick.
 const TILES: [u32; 3] = [3, 7, 12];
@@ -131,40 +131,26 @@ impl Cells {
             let bricks = self.bricks.iter().map(|brick| brick.cube);
             bricks.chain(self.blocks.iter().map(|block| block.cube))
         };
-        let (mut low, mut high) = ([i64::MAX; 3], [i64::MIN; 3]);
-        for cube in cubes() {
-            for axis in 0..3 {
-                low[axis] = low[axis].min(i64::from(cube.origin[axis]));
-                high[axis] = high[axis].max(i64::from(cube.origin[axis]) + (1i64 << cube.log2));
-            }
-        }
-        // Columns as fine as bricks, but at most 1024 across.
-        let across = |axis: usize, column: u32| (high[axis].saturating_sub(low[axis])) >> column;
-        let mut column = BRICK;
-        while (0..3).any(|axis| across(axis, column) > 1024) {
-            column += 1;
-        }
+        // Cubes are aligned: seen along an axis, one hides another or does not touch it. Larger ones first.
+        let mut sizes: Vec<u32> = cubes().map(|cube| cube.log2).collect();
+        sizes.sort_unstable_by(|a, b| b.cmp(a));
+        sizes.dedup();
         let m = [index_to_world.x_axis, index_to_world.y_axis, index_to_world.z_axis];
         let mut area = 0.0;
         for axis in 0..3 {
             let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
-            let stride = across(v, column).max(0) as usize + 1;
-            let mut met = vec![false; (across(u, column).max(0) as usize + 1) * stride];
-            for cube in cubes() {
-                let columns = |k: usize| {
-                    let first = i64::from(cube.origin[k]) - low[k];
-                    let last = first + (1i64 << cube.log2) - 1;
-                    (first >> column) as usize..=(last >> column) as usize
-                };
-                for a in columns(u) {
-                    for b in columns(v) {
-                        met[a * stride + b] = true;
+            let mut seen = HashSet::new();
+            let mut met = 0.0;
+            for (k, &log2) in sizes.iter().enumerate() {
+                for cube in cubes().filter(|cube| cube.log2 == log2) {
+                    let at = |log2: u32| (log2, cube.origin[u] >> log2, cube.origin[v] >> log2);
+                    let hidden = sizes[..k].iter().any(|&larger| seen.contains(&at(larger)));
+                    if !hidden && seen.insert(at(log2)) {
+                        met += cube.edge() * cube.edge();
                     }
                 }
             }
-            let met = met.into_iter().filter(|met| *met).count();
-            let edge = (1u64 << column) as f64;
-            area += met as f64 * edge * edge * m[u].cross(m[v]).length() / 3.0;
+            area += met * m[u].cross(m[v]).length() / 3.0;
         }
         let bricks = self.bricks.iter().map(|brick| {
             // Walks know bounds of 4^3 cells at the finest.

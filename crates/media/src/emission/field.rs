@@ -155,12 +155,12 @@ impl EmissionField {
                 let t = t0 + (next - passed) / rate;
                 next += spacing;
                 // Inside the cell whatever rounding says, so that its bound holds.
-                let p_index = ray.local_in_cell(t as f32).as_dvec3() + local_to_index;
+                let p_index = ray.local_in_cell(t as f32) + local_to_index;
                 let emission = self.source.at(p_index);
                 tally.lookups += 1;
                 let most = self.rate_factor * emission.max_element();
                 tally.violations += u64::from(most > segment.majorant * (1.0 + 1e-6));
-                let t = t + span.t_enter;
+                let t = ray.distance(t) + span.t_enter;
                 visit(EmissionPoint {
                     t,
                     p: origin + direction * t,

@@ -15,7 +15,7 @@ pub struct FlakeRay<'a, F> {
     varying: Option<(&'a Flakes, Vec3, [DVec3; 2])>,
 }
 
-impl<'a, F> FlakeRay<'a, F> {
+impl<'a, F: RayField> FlakeRay<'a, F> {
     /// `index`: where the ray starts and its direction per world unit, in the medium's index space; needed for flakes by grid alone.
     pub fn new(density: F, flakes: &'a Flakes, direction: Vec3, index: [DVec3; 2]) -> Self {
         FlakeRay {
@@ -30,7 +30,8 @@ impl<'a, F> FlakeRay<'a, F> {
         match &self.varying {
             None => self.bound,
             Some((flakes, direction, [p, d])) => {
-                flakes.projected_area(|| *p + *d * f64::from(t), *direction)
+                let t = self.density.distance(f64::from(t));
+                flakes.projected_area(|| *p + *d * t, *direction)
             }
         }
     }
@@ -54,6 +55,10 @@ impl<F: RayField> RayField for FlakeRay<'_, F> {
 
     fn sigma_t_anywhere(&self, t: f32) -> f32 {
         self.density.sigma_t_anywhere(t) * self.factor(t)
+    }
+
+    fn distance(&self, t: f64) -> f64 {
+        self.density.distance(t)
     }
 
     fn steps(&self) -> u64 {

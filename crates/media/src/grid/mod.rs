@@ -2,6 +2,7 @@
 
 mod bounds;
 mod build;
+mod cell_walk;
 mod index_range;
 mod source;
 mod splits;
@@ -10,6 +11,7 @@ mod view;
 mod voxel;
 
 pub use build::{BuildReport, VoxelGridOptions};
+pub(crate) use cell_walk::CellWalk;
 pub(crate) use topology::{BRICK_LOG2, Entry, Topology, entry_index};
 pub use view::GridView;
 pub(crate) use view::sub_cell;
@@ -88,8 +90,12 @@ impl VoxelGrid {
         if self.is_empty() {
             return (self.background, self.background);
         }
-        let (min, max) = self.cell_range([0; 3], self.topology.top_log2());
-        (min.min(self.background), max.max(self.background))
+        // The coarsest level: one cell, but for the widest grids.
+        let first = self.topology.levels.last().map_or(0, |level| level.offset);
+        (first..self.topology.root_entries)
+            .fold((self.background, self.background), |(min, max), i| {
+                (min.min(self.entry_min[i]), max.max(self.entries[i].max))
+            })
     }
 
     /// Whether the field is constant.
@@ -145,6 +151,14 @@ impl VoxelGrid {
             return f64::from(self.background);
         }
         self.interpolate_local(p.to_array().map(|c| c as i32), p)
+    }
+
+    /// The same at a local point that lies within the extent but for rounding.
+    pub(crate) fn interpolate_within(&self, p: DVec3) -> f64 {
+        let extent = self.topology.extent;
+        let p = p.clamp(DVec3::ZERO, DVec3::from_array(extent.map(f64::from)));
+        let ijk = [0, 1, 2].map(|axis: usize| (p[axis] as i32).min(extent[axis] - 1));
+        self.interpolate_local(ijk, p)
     }
 
     /// The interpolated value at local point `p` of the cell of local voxel `ijk`, which must lie within the extent.

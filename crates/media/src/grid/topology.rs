@@ -58,6 +58,9 @@ pub(crate) struct Topology {
     pub(crate) extent: [i32; 3],
 }
 
+/// Coarsest cells are at most 2^30 voxels wide, so that their edge fits `i32`: the widest grids have up to eight of them.
+const MAX_CELL_LOG2: u32 = 30;
+
 impl Topology {
     /// The shape for a grid of `size` voxels per axis (at least one each); `None` if the extent leaves `i32`.
     pub(crate) fn new(size: [i64; 3]) -> Option<Topology> {
@@ -95,7 +98,8 @@ impl Topology {
         loop {
             levels.push(RootLevel { offset, dims });
             offset += dims.iter().map(|&n| n as usize).product::<usize>();
-            if dims == [1, 1, 1] {
+            let log2 = root_log2 + levels.len() as u32 - 1;
+            if dims == [1, 1, 1] || log2 == MAX_CELL_LOG2 {
                 break;
             }
             dims = dims.map(|n| (n + 1) >> 1);

@@ -3,7 +3,7 @@
 use super::invert::depth_of;
 use super::{Law, Start};
 use crate::Error;
-use crate::random::uniform;
+use crate::random::Decision;
 use libm::exp;
 use rand_core::Rng;
 use std::fmt;
@@ -130,14 +130,14 @@ impl Mixture {
     }
 
     pub(super) fn rate<R: Rng + ?Sized>(&self, start: Start, rng: &mut R) -> Option<f32> {
-        let mut u = f64::from(uniform(rng));
-        let mut chosen = None;
+        let mut u = Decision::new(rng);
+        let (mut chosen, mut up_to) = (None, 0.0);
         for (share, component) in self.shares(start) {
             chosen = Some(component);
-            if u < share {
+            up_to += share;
+            if u.is_below_exactly(up_to, rng) {
                 break;
             }
-            u -= share;
         }
         let component = chosen?;
         let own = match &component.law {

@@ -94,7 +94,7 @@ impl Partition for Hierarchy<'_> {
         let low = ijk.map(|c| c & -size);
         Cell {
             low,
-            high: low.map(|c| c + size),
+            high: low.map(|c| c.saturating_add(size)),
             max: bound.max,
             brick: if log2 <= BRICK_LOG2 { bound.brick } else { NO_BRICK },
             key: log2,

@@ -8,6 +8,7 @@ mod partition;
 mod structure;
 mod uniform;
 mod walk;
+mod wide;
 
 pub use adaptive::Adaptive;
 pub(crate) use cost::leaf_cost;
@@ -15,4 +16,7 @@ pub use cost::{COLLISION_COST, STEP_COST, StructureCost};
 pub use hierarchy::Hierarchy;
 pub use partition::{Cell, Partition};
 pub use structure::{AnyPartition, MajorantStructure, Majorants};
-pub use walk::GridRay;
+pub(crate) use walk::Line;
+pub use walk::{Corner, GridRay, Lowest};
+pub use wide::WideRay;
+pub(crate) use wide::distance;

@@ -2,6 +2,7 @@
 
 use super::henyey_greenstein::MAX_G;
 use crate::Error;
+use crate::clamped::Clamped;
 use crate::grid::{Interpolation, VoxelGrid, VoxelGridOptions};
 use crate::index_map::snapped;
 use glam::{DAffine3, DVec3};
@@ -14,6 +15,7 @@ pub struct CosineGrid {
     plus_one: VoxelGrid,
     /// From the index space it is asked in to its own.
     to_index: DAffine3,
+    clamped: Clamped,
 }
 
 impl CosineGrid {
@@ -34,13 +36,20 @@ impl CosineGrid {
                 "give finite numbers",
             ));
         }
+        let cosines = tree.clone().map(|value| scale * value + offset);
+        let clamped = Clamped::numbers(&cosines, (-1.0, 1.0));
         let plus_one = tree.clone().map(|value| {
             let value = if value.is_finite() { value } else { 0.0 };
             1.0 + (scale * value + offset).clamp(-MAX_G, MAX_G)
         });
         let options = VoxelGridOptions { interpolation: Interpolation::Trilinear };
         let plus_one = VoxelGrid::from_tree(&plus_one, &options)?;
-        Ok(CosineGrid { plus_one, to_index: snapped(to_index) })
+        Ok(CosineGrid { plus_one, to_index: snapped(to_index), clamped })
+    }
+
+    /// The mean cosines that were not in [-1, 1].
+    pub fn clamped(&self) -> Clamped {
+        self.clamped
     }
 
     /// Smallest and largest mean cosine of all space.

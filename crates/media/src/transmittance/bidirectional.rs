@@ -43,7 +43,7 @@ fn walk<F: RayField, C: Channels, R: Rng + ?Sized>(
         }
         let from_start = if backward { stretch.depth - vertex.depth } else { vertex.depth };
         let real = stretch.real_ratio(field, from_start, channels, tally);
-        vertex.weight = vertex.weight.times(C::Value::ONE - real);
+        vertex.weight = vertex.weight.times(real.complement(rng));
         vertex.gaps += exp(gap);
         if vertex.weight.max_abs() == 0.0 {
             return vertices;

@@ -3,7 +3,7 @@
 use crate::channels::{Channels, Spectrum};
 use crate::collisions::TentativeCollisions;
 use crate::field::RayField;
-use crate::random::uniform;
+use crate::random::Decision;
 use crate::tally::Tally;
 use rand_core::Rng;
 
@@ -21,10 +21,13 @@ pub fn delta_transmittance<F: RayField, C: Channels, R: Rng + ?Sized>(
         let sigma_t = walk.sigma_t(next);
         tally.lookups += 1;
         tally.violations += u64::from(sigma_t > next.majorant);
-        // A channel is stopped if `u majorant < sigma_t`.
-        let u = uniform(rng);
-        let pass = channels.of(sigma_t).map(|s| if u * next.majorant < s { 0.0 } else { 1.0 });
-        open = open.times(pass);
+        let ratio = channels.of(sigma_t / next.majorant);
+        let mut u = Decision::new(rng);
+        for channel in 0..C::Value::COUNT {
+            if u.is_below(ratio.channel(channel), rng) {
+                open = open.times(C::Value::ONE - C::Value::one_channel(channel, 1.0));
+            }
+        }
         if open.max_abs() == 0.0 {
             break;
         }

@@ -17,6 +17,9 @@ use crate::field::ExactField;
 use crate::tally::Tally;
 use rand_core::Rng;
 
+/// Optical depth whose transmittance is zero in single precision.
+const OPAQUE: f64 = 88.0;
+
 /// A way to estimate the transmittance of a ray. Grey or per channel: one walk, one set of points for all channels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Estimator {
@@ -109,8 +112,14 @@ impl Estimator {
         let whole = f32::INFINITY;
         match self {
             Estimator::Regular => {
-                let depth = field.optical_depth(tally) as f32;
-                channels.of(depth).map(|d| if d > 0.0 { -d } else { 0.0 }).exp()
+                // Behind what leaves no channel any light there is nothing to sum.
+                let weakest = (0..C::Value::COUNT)
+                    .map(|channel| channels.of(1.0).channel(channel))
+                    .filter(|relative| *relative > 0.0)
+                    .fold(1.0, f32::min);
+                let opaque = OPAQUE / f64::from(weakest);
+                let depth = field.t_at_depth(opaque, tally).map_or_else(|all| all, |_| opaque);
+                channels.of(depth as f32).map(|d| if d > 0.0 { -d } else { 0.0 }).exp()
             }
             Estimator::Delta => {
                 delta_transmittance(TentativeCollisions::new(field), channels, rng, tally)

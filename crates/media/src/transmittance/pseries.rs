@@ -3,7 +3,7 @@
 use crate::channels::{Channels, Spectrum};
 use crate::elementary::exp;
 use crate::field::RayField;
-use crate::random::uniform;
+use crate::random::{happens, uniform};
 use crate::stretch::{Stretch, product_over_stretches};
 use crate::tally::Tally;
 use rand_core::Rng;
@@ -24,7 +24,7 @@ fn factor<F: RayField, C: Channels, R: Rng + ?Sized>(
     tally: &mut Tally,
 ) -> C::Value {
     let depth = uniform(rng) * stretch.depth;
-    (C::Value::ONE - stretch.real_ratio(field, depth, channels, tally)) * stretch.depth
+    stretch.real_ratio(field, depth, channels, tally).complement(rng) * stretch.depth
 }
 
 /// An unbiased estimate of the transmittance; exact where the majorant is tight.
@@ -54,7 +54,7 @@ pub fn pseries_cmf<F: RayField, C: Channels, R: Rng + ?Sized>(
             let mut k = 1.0f32;
             loop {
                 let survive = if cumulative < SURE { 1.0 } else { (stretch.depth / k).min(1.0) };
-                if survive < 1.0 && uniform(rng) >= survive {
+                if survive < 1.0 && !happens(survive, rng) {
                     break;
                 }
                 let step = factor(field, stretch, channels, rng, tally);
@@ -103,7 +103,7 @@ pub fn pseries_cumulative<F: RayField, C: Channels, R: Rng + ?Sized>(
                     return next;
                 }
                 let survive = size.min(1.0);
-                if !(uniform(rng) < survive) {
+                if !happens(survive, rng) {
                     break;
                 }
                 term = next * (1.0 / survive);

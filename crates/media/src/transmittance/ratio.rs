@@ -3,7 +3,7 @@
 use crate::channels::{Channels, Grey, Spectrum};
 use crate::collisions::TentativeCollisions;
 use crate::field::RayField;
-use crate::random::uniform;
+use crate::random::happens;
 use crate::tally::Tally;
 use rand_core::Rng;
 
@@ -40,24 +40,28 @@ pub fn ratio_tracking_with_roulette<F: RayField, C: Channels, R: Rng + ?Sized>(
     tally: &mut Tally,
 ) -> RatioEstimate<C::Value> {
     let (mut transmittance, mut null_probability) = (C::Value::ONE, C::Value::ONE);
+    let small = threshold.max(f32::MIN_POSITIVE);
     while let Some(tentative) = walk.next(rng) {
         let sigma_t = walk.sigma_t(tentative);
         tally.lookups += 1;
         tally.violations += u64::from(sigma_t > tentative.majorant);
-        let null = C::Value::ONE - channels.of(sigma_t / tentative.majorant);
-        null_probability = null_probability.times(null);
-        transmittance = transmittance.times(null);
+        let ratio = channels.of(sigma_t / tentative.majorant);
+        // What weights are made of is rounded as flights round it.
+        null_probability = null_probability.times(C::Value::ONE - ratio);
+        transmittance = transmittance.times(ratio.complement(rng));
         let size = transmittance.max_abs();
-        if size < threshold {
-            let survive = size / threshold;
-            if uniform(rng) >= survive {
-                transmittance = C::Value::ZERO;
+        if size < small {
+            if size == 0.0 {
                 break;
             }
-            transmittance *= 1.0 / survive;
-        }
-        if size == 0.0 {
-            break;
+            let survive = size / threshold;
+            if survive < 1.0 {
+                if !happens(survive, rng) {
+                    transmittance = C::Value::ZERO;
+                    break;
+                }
+                transmittance *= 1.0 / survive;
+            }
         }
     }
     tally.majorant_steps += walk.field().steps();

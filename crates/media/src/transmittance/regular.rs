@@ -1,6 +1,6 @@
 //! Regular tracking: the exact optical depth, cell by cell.
 
-use crate::grid::{GridView, Interpolation, Voxel};
+use crate::grid::{CellWalk, GridView, Interpolation, Voxel};
 use crate::medium::{GridMedium, VoxelKernel};
 use crate::tally::Tally;
 use glam::DVec3;
@@ -124,18 +124,14 @@ fn cell_depth<V: Voxel>(
 /// Calls `visit` with every voxel cell along the ray that may hold extinction, and its range of t, until it returns false.
 fn voxel_cells<V: Voxel>(
     view: &GridView<'_, V>,
-    (o, d): (DVec3, DVec3),
-    (t0, t1): (f64, f64),
+    ray: (DVec3, DVec3),
+    range: (f64, f64),
     tally: &mut Tally,
     mut visit: impl FnMut([i32; 3], f64, f64, &mut Tally) -> bool,
 ) {
-    let extent = view.topology.extent;
     let top = view.topology.top_log2();
-    let mut t = t0;
-    let start = o + d * t0;
-    let mut ijk: [i32; 3] =
-        std::array::from_fn(|axis| (start[axis] as i32).clamp(0, extent[axis] - 1));
-    while t < t1 && (0..3).all(|axis| (0..extent[axis]).contains(&ijk[axis])) {
+    let mut walk = CellWalk::new(ray, range, view.topology.extent);
+    while let Some(ijk) = walk.voxel() {
         tally.majorant_steps += 1;
         // The largest empty cell around, or one voxel cell.
         let empty = |log2: u32| view.cell_max(ijk, log2) == 0.0;
@@ -146,36 +142,9 @@ fn voxel_cells<V: Voxel>(
                 log2 += 1;
             }
         }
-        let size = 1i32 << log2;
-        let low = ijk.map(|c| c & -size);
-        let mut t_exit = f64::INFINITY;
-        let mut axis = 0;
-        for k in 0..3 {
-            if d[k] != 0.0 {
-                let face = f64::from(if d[k] > 0.0 { low[k] + size } else { low[k] });
-                let t_face = (face - o[k]) / d[k];
-                if t_face < t_exit {
-                    (t_exit, axis) = (t_face, k);
-                }
-            }
-        }
-        let t_exit = t_exit.max(t);
-        let end = t_exit.min(t1);
-        if log2 == 0 && end > t && !visit(ijk, t, end, tally) {
+        let (start, end) = walk.cross(log2);
+        if log2 == 0 && end > start && !visit(ijk, start, end, tally) {
             break;
-        }
-        if t_exit >= t1 || d == DVec3::ZERO {
-            break;
-        }
-        t = t_exit;
-        let p = o + d * t;
-        for k in 0..3 {
-            ijk[k] = if k == axis {
-                if d[k] > 0.0 { low[k] + size } else { low[k] - 1 }
-            } else {
-                let c = (p[k] as i32).clamp(low[k], low[k] + size - 1);
-                if d[k] >= 0.0 { c.max(ijk[k]) } else { c.min(ijk[k]) }
-            };
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::channels::{Channels, Spectrum};
 use crate::field::RayField;
-use crate::random::{exponential, uniform};
+use crate::random::{exponential, happens};
 use crate::tally::Tally;
 use rand_core::Rng;
 
@@ -58,7 +58,7 @@ pub fn residual_ratio_tracking<F: RayField, C: Channels, R: Rng + ?Sized>(
                 tally.lookups += 1;
                 tally.violations += u64::from(sigma_t > segment.majorant);
                 let residual = channels.of((sigma_t - control) / rate);
-                product = product.times(C::Value::ONE - residual);
+                product = product.times(residual.complement(rng));
                 if product.max_abs() == 0.0 {
                     break 'ray;
                 }
@@ -70,7 +70,7 @@ pub fn residual_ratio_tracking<F: RayField, C: Channels, R: Rng + ?Sized>(
         }
         if size < threshold {
             let survive = size / threshold;
-            if uniform(rng) >= survive {
+            if !happens(survive, rng) {
                 product = C::Value::ZERO;
                 break;
             }

@@ -3,7 +3,7 @@
 use crate::channels::{Channels, Spectrum};
 use crate::elementary::exp;
 use crate::field::RayField;
-use crate::random::{exponential, uniform};
+use crate::random::{exponential, happens, uniform};
 use crate::stretch::product_over_stretches;
 use crate::tally::Tally;
 use rand_core::Rng;
@@ -60,7 +60,7 @@ pub fn taylor<F: RayField, C: Channels, R: Rng + ?Sized>(
                     let mut k = 1.0f32;
                     loop {
                         let survive = (stretch.depth / k).min(1.0);
-                        if survive < 1.0 && uniform(rng) >= survive {
+                        if survive < 1.0 && !happens(survive, rng) {
                             return sum;
                         }
                         term = term.times(depth(rng) * (-1.0 / (k * survive)));

@@ -2,7 +2,7 @@
 
 use crate::channels::{Channels, Spectrum};
 use crate::field::RayField;
-use crate::random::uniform;
+use crate::random::{happens, uniform};
 use crate::stretch::product_over_stretches;
 use crate::tally::Tally;
 use rand_core::Rng;
@@ -35,7 +35,7 @@ pub fn volterra<F: RayField, C: Channels, R: Rng + ?Sized>(
             loop {
                 let left = stretch.depth - from;
                 let survive = (weight.max_abs() * left).min(1.0);
-                if !(uniform(rng) < survive) {
+                if !happens(survive, rng) {
                     return sum;
                 }
                 from = (from + uniform(rng) * left).min(stretch.depth);

@@ -370,8 +370,12 @@ impl VoxelKernel for Walks<'_> {
 
     fn run<V: Voxel>(mut self, voxels: &[V]) {
         for _ in 0..self.samples {
-            let field = self.medium.ray(voxels, self.span);
-            let value = self.estimator.estimate(field, Grey, 0.0, &mut self.rng, self.tally);
+            let (estimator, rng) = (self.estimator, &mut self.rng);
+            let value = if self.medium.is_wide() {
+                estimator.estimate(self.medium.any_ray(self.span), Grey, 0.0, rng, self.tally)
+            } else {
+                estimator.estimate(self.medium.ray(voxels, self.span), Grey, 0.0, rng, self.tally)
+            };
             self.moments.add(f64::from(value));
         }
     }
