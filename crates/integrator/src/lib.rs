@@ -7,6 +7,7 @@ mod error;
 mod expected;
 mod interior;
 mod lights;
+mod limits;
 mod media;
 mod path;
 mod pilot;
@@ -15,6 +16,7 @@ mod render;
 mod sampler;
 mod settings;
 mod thickness;
+mod warnings;
 mod world;
 
 pub use cost::PathCost;
@@ -24,4 +26,6 @@ pub use pilot::Pilot;
 pub use plan::{Plan, PlannedVolume};
 pub use render::{Monitor, Unmonitored, render, sample_pixel};
 pub use sampler::PathSampler;
-pub use settings::{Distance, LightSampling, RenderSettings, ShadowRoulette, Transmittance};
+pub use settings::{
+    DEFAULT_MAX_EVENTS, Distance, LightSampling, RenderSettings, ShadowRoulette, Transmittance,
+};

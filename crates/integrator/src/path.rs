@@ -17,6 +17,7 @@ use crate::counters::Counters;
 use crate::expected::Expected;
 use crate::interior::{self, Inside};
 use crate::lights::{Guide, Lights};
+use crate::limits::PathLimits;
 use crate::media::{Ending, Flown, Leg, Media, Ray, Start};
 use crate::sampler::PathSampler;
 use crate::world::{InMedium, Vertex, World, luminance};
@@ -59,6 +60,7 @@ pub(crate) struct Kernel<'a, M, W> {
     pub(crate) lights: &'a Lights,
     pub(crate) environment: &'a Environment,
     pub(crate) max_bounces: u32,
+    pub(crate) limits: PathLimits<'a>,
     /// Extinction, 1/length, by which flights are taken to be distributed when they are weighted against equiangular points. Any positive value
     /// is unbiased.
     pub(crate) typical_sigma_t: f64,
@@ -156,6 +158,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         // What directions drawn by fires have put on the throughput.
         let mut drawn = 1.0f32;
         let mut start: Start = None;
+        let mut next_look = self.limits.first_look();
         loop {
             let hit = self.world.intersect(&ray, sampler);
             let t_surface = hit.as_ref().map_or(f64::INFINITY, |hit| hit.t);
@@ -241,12 +244,6 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
                     break;
                 }
                 Event::Collision { t, phase, albedo } => {
-                    if bounces >= self.max_bounces {
-                        counters.cut_by_max_bounces += 1;
-                        bounces += 1;
-                        break;
-                    }
-                    bounces += 1;
                     beta *= albedo;
                     let vertex = InMedium { phase, incoming: ray.direction };
                     (ray.at(t), W::in_medium(vertex), Turn::Medium(phase))
@@ -261,12 +258,6 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
                             self.weight_of_lamp(&ray, met, last.as_ref(), flown.null_probability);
                         radiance += beta * interaction.emission * weight;
                     }
-                    if bounces >= self.max_bounces {
-                        counters.cut_by_max_bounces += 1;
-                        bounces += 1;
-                        break;
-                    }
-                    bounces += 1;
                     let wo = -ray.direction;
                     let side = if interaction.front_face { 1.0 } else { -1.0 };
                     let bsdf = Bsdf::new(
@@ -280,6 +271,18 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
                     (p, vertex, Turn::Surface(bsdf, interaction))
                 }
             };
+            if bounces >= next_look {
+                let events = u64::from(bounces) + tally.lookups + tally.majorant_steps;
+                match self.limits.look(bounces, events) {
+                    Ok(next) => next_look = next,
+                    Err(cut) => {
+                        counters.count_cut(cut);
+                        bounces += 1;
+                        break;
+                    }
+                }
+            }
+            bounces += 1;
             let strongest = beta.max_element();
             if !(strongest > 0.0) {
                 break;
