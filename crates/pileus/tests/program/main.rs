@@ -1,6 +1,7 @@
 //! The built program with good and bad inputs.
 
 mod chart;
+mod endless;
 mod errors;
 mod images;
 mod info;
