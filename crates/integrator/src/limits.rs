@@ -1,7 +1,8 @@
-//! Where paths end whatever happens: `max_bounces`, `max_events`, and whoever watches a render and stops it.
+//! Where paths end whatever happens: `max_bounces`, `max_events`, and whoever watches a render and
+//! stops it.
 //!
-//! The limits share one comparison per bounce, with the bounce at which they are to be looked at next: a path of
-//! fewer bounces pays for nothing else.
+//! The limits share one comparison per bounce, with the bounce at which they are to be looked at
+//! next: a path of fewer bounces pays for nothing else.
 
 use crate::counters::Counters;
 use crate::settings::RenderSettings;
@@ -60,8 +61,8 @@ impl<'a> PathLimits<'a> {
         self.max_bounces.min(self.max_events.min(u64::from(FIRST_LOOK)) as u32)
     }
 
-    /// Whether a path of so many bounces and events goes on, and at which bounce it has to ask again: a function of
-    /// these numbers alone, but for a stop.
+    /// Whether a path of so many bounces and events goes on, and at which bounce it has to ask
+    /// again: a function of these numbers alone, but for a stop.
     ///
     /// # Errors
     /// Why it ends.
@@ -131,7 +132,7 @@ mod tests {
             (None, Some(1), 1, 1, Cut::MaxEvents),
             (None, Some(1000), 1, 1000, Cut::MaxEvents),
             (None, Some(1000), 10, 100, Cut::MaxEvents),
-            // A path whose first bounces are dear passes its limit by 16 bounces at most.
+            // A path whose first bounces are expensive passes its limit by 16 bounces at most.
             (None, Some(1000), 1_000_000, 16, Cut::MaxEvents),
         ] {
             let settings = settings(max_bounces, max_events);

@@ -25,7 +25,8 @@ use rand_pcg::Pcg32;
 use rayon::prelude::*;
 use std::sync::{Arc, Mutex};
 
-/// Events after which a path of the pilot is cut: bounds its time, and what the few longer paths cost is underrated.
+/// Events after which a path of the pilot is cut: bounds its time, and what the few longer paths
+/// cost is underrated.
 const MAX_EVENTS: u64 = 1 << 14;
 
 /// A ray that a path walked.
@@ -118,8 +119,8 @@ impl Media for Recorder<'_> {
 }
 
 impl Pilot {
-    /// Traces `paths` paths over a lattice of pixels, each for some 16,000 events at most. A function of scene, plan and settings (but for the seed), whatever the
-    /// number of threads.
+    /// Traces `paths` paths over a lattice of pixels, each for some 16,000 events at most. A
+    /// function of scene, plan and settings (but for the seed), whatever the number of threads.
     pub fn new(scene: &Scene, plan: &Plan, settings: &RenderSettings, paths: u32) -> Pilot {
         let fires: Vec<_> = scene.fires().cloned().collect();
         let world = Whole { surfaces: scene.surfaces.as_deref(), fires: &fires };

@@ -88,7 +88,8 @@ impl PartialEq for PlannedLights {
 /// Paths of the pilot: some milliseconds; a tenth of error, up to a half where few paths scatter for long (`docs/charts/majorants.md`).
 const PILOT_PATHS: u32 = 512;
 
-/// Optical depth of a voxel above which no paths are traced ahead: null collisions before a real one grow as its root.
+/// Optical depth of a voxel above which no paths are traced ahead: null collisions before a real
+/// one grow as its root.
 const MAX_PILOT_DEPTH: f64 = 1e5;
 
 /// What is modelled, by which methods, and why. Prints itself for people and serialises for `stats` and image metadata.
@@ -136,25 +137,30 @@ pub struct Plan {
     pub reasons: Vec<String>,
     /// What the files contain and the picture leaves out.
     pub not_modelled: Vec<String>,
-    /// What is legal and probably not meant: pictures that will be black, volumes that nobody will see.
+    /// What is legal and probably not meant: pictures that will be black, volumes that nobody will
+    /// see.
     pub warnings: Vec<String>,
 }
 
 impl Plan {
-    /// Plans a render, by a few paths where they tell what no formula knows: at most some seconds of work, whatever the scene.
+    /// Plans a render, by a few paths where they tell what no formula knows: at most some seconds
+    /// of work, whatever the scene.
     ///
     /// # Errors
-    /// If the settings ask for what the scene does not allow, or if paths would not end by construction.
+    /// If the settings ask for what the scene does not allow, or if paths would not end by
+    /// construction.
     pub fn new(scene: &Scene, settings: &RenderSettings) -> Result<Plan, Error> {
         let mut plan = Plan::without_paths(scene, settings)?;
         plan.ask_pilots(scene, settings);
         Ok(plan)
     }
 
-    /// As [`Plan::new`], without tracing a path: nothing is predicted, and shadow rays are left to importance. A render by it is right, and slower in some scenes.
+    /// As [`Plan::new`], without tracing a path: nothing is predicted, and shadow rays are left to
+    /// importance. A render by it is right, and slower in some scenes.
     ///
     /// # Errors
-    /// If the settings ask for what the scene does not allow, or if paths would not end by construction.
+    /// If the settings ask for what the scene does not allow, or if paths would not end by
+    /// construction.
     pub fn without_paths(scene: &Scene, settings: &RenderSettings) -> Result<Plan, Error> {
         if settings.max_events == Some(0) {
             return Err(Error::Invalid {
@@ -394,7 +400,8 @@ impl Plan {
         self.choose_shadow_roulette(scene, settings);
     }
 
-    /// Puts what a render counted in the place of what might have happened: which limits did cut paths.
+    /// Puts what a render counted in the place of what might have happened: which limits did cut
+    /// paths.
     pub fn settle(&mut self, counters: &Counters) {
         let Some(n) = self.max_events else { return };
         self.biased.retain(|line| !line.starts_with(warnings::MAX_EVENTS));

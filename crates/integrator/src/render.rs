@@ -27,8 +27,8 @@ use std::time::Instant;
 
 /// Watches a render and may stop it.
 pub trait Monitor: Sync {
-    /// Whether to stop: the running pass is given up, what was committed before stands. Asked from all threads, between paths and within long ones; once it was
-    /// true it is not asked again.
+    /// Whether to stop: the running pass is given up, what was committed before stands. Asked from
+    /// all threads, between paths and within long ones; once it was true it is not asked again.
     fn cancelled(&self) -> bool {
         false
     }
@@ -42,7 +42,8 @@ pub struct Unmonitored;
 
 impl Monitor for Unmonitored {}
 
-/// A monitor that has stopped a render stays that way: a path that was cut is in no tile that counts.
+/// A monitor that has stopped a render stays that way: a path that was cut is in no tile that
+/// counts.
 struct Watch<'a> {
     monitor: &'a dyn Monitor,
     stopped: AtomicBool,
@@ -70,8 +71,9 @@ const PASS_SECONDS: f64 = 2.0;
 /// Renders `settings.samples` of every pixel of the film's window into it, on the current rayon pool.
 ///
 /// The value of a sample depends on scene, plan, settings, pixel and sample number alone, and the film's sums are exact: threads, tile
-/// size, the length of passes and any split of the samples change nothing, bit for bit. When the monitor cancels, paths end where they are and count nowhere; the
-/// film, and the counters returned, hold all whole passes done so far: the first `film.samples()` of the range.
+/// size, the length of passes and any split of the samples change nothing, bit for bit. When the
+/// monitor cancels, paths end where they are and count nowhere; the film, and the counters
+/// returned, hold all whole passes done so far: the first `film.samples()` of the range.
 ///
 /// # Errors
 /// If film and camera differ in resolution.

@@ -1,4 +1,5 @@
-//! What can be said of a scene before a path is traced: paths that would not end, pictures that will be black, volumes that nobody will see.
+//! What can be said of a scene before a path is traced: paths that would not end, pictures that
+//! will be black, volumes that nobody will see.
 //!
 //! Everything here is geometry and arithmetic on what was loaded; its work has a bound.
 
@@ -23,7 +24,8 @@ const MAX_CANDIDATES: usize = 32;
 /// Surfaces in the way of a ray after which it is given up.
 const MAX_SURFACES_ON_A_RAY: usize = 64;
 
-/// The homogeneous media without bounds, with the names of their volumes and their extinction per channel, 1/length.
+/// The homogeneous media without bounds, with the names of their volumes and their extinction per
+/// channel, 1/length.
 fn fogs(scene: &Scene) -> impl Iterator<Item = (&str, &HomogeneousMedium, Vec3)> {
     scene.volumes.iter().filter_map(|volume| match &*volume.medium {
         Medium::Homogeneous(medium) if medium.bounds_world().is_none() => {
@@ -53,8 +55,9 @@ fn scatters_forever(scene: &Scene, c: usize) -> bool {
     met.peek().is_some() && met.all(|(_, medium, _)| medium.albedo()[c] >= 1.0)
 }
 
-/// Refuses scenes in which a share of the paths never ends: media without bounds scatter, none of them absorbs in some channel, and there is no surface that could.
-/// Whatever else is there is finite, and a random walk in space leaves it for good with a probability above zero.
+/// Refuses scenes in which a share of the paths never ends: media without bounds scatter, none of
+/// them absorbs in some channel, and there is no surface that could. Whatever else is there is
+/// finite, and a random walk in space leaves it for good with a probability above zero.
 ///
 /// # Errors
 /// If the scene is of that kind.
@@ -70,9 +73,14 @@ pub(crate) fn refuse_endless(scene: &Scene) -> Result<(), Error> {
         what: format!(
             "volume {} fills all space, scatters and absorbs nothing ({}): paths would never end",
             names(fogs(scene).filter_map(of)),
-            if endless.len() == 3 { "albedo 1".to_owned() } else { format!("albedo 1 in {}", endless.join(" and ")) },
+            if endless.len() == 3 {
+                "albedo 1".to_owned()
+            } else {
+                format!("albedo 1 in {}", endless.join(" and "))
+            },
         ),
-        remedy: "give it `bounds`, an albedo below 1, or the job a limit, sampling.max_bounces".into(),
+        remedy: "give it `bounds`, an albedo below 1, or the job a limit, sampling.max_bounces"
+            .into(),
     })
 }
 
@@ -88,7 +96,8 @@ fn largest_albedo(medium: &Medium) -> f32 {
     (0..3).filter(|c| relative[*c] > 0.0).map(|c| albedo[c]).fold(0.0, f32::max)
 }
 
-/// Largest extinction times the diagonal of the medium's box: a bound of its optical depth; infinite without bounds.
+/// Largest extinction times the diagonal of the medium's box: a bound of its optical depth;
+/// infinite without bounds.
 fn largest_depth(medium: &Medium) -> f64 {
     let sigma_t = match medium {
         Medium::Grid(grid) => f64::from(grid.scale()) * f64::from(grid.grid().range().1),
@@ -102,14 +111,16 @@ fn largest_depth(medium: &Medium) -> f64 {
     if sigma_t > 0.0 { sigma_t * length } else { 0.0 }
 }
 
-/// What the plan lists as biased where the limit of events may cut paths: those that a user has lowered, and media in which paths may be that long.
+/// What the plan lists as biased where the limit of events may cut paths: those that a user has
+/// lowered, and media in which paths may be that long.
 pub(crate) fn may_cut(scene: &Scene, settings: &RenderSettings) -> Option<String> {
     let limit = settings.max_events?;
     if limit < DEFAULT_MAX_EVENTS {
         return Some(format!("{MAX_EVENTS} {limit}: longer paths are cut"));
     }
-    // Scatterings are fewer than events. That many absorb all but exp(-30) of a path, or let it diffuse out of a depth whose square is a tenth of
-    // their number but for as much: the slowest mode of a slab decays as exp(-pi^2 n / (3 depth^2)).
+    // Scatterings are fewer than events. That many absorb all but exp(-30) of a path, or let it
+    // diffuse out of a depth whose square is a tenth of their number but for as much: the slowest
+    // mode of a slab decays as exp(-pi^2 n / (3 depth^2)).
     let scatterings = limit as f64;
     let long = |volume: &&Volume| {
         let kept = f64::from(1.0 - largest_albedo(&volume.medium));
@@ -312,7 +323,8 @@ fn points_of(volume: &Volume, (low, high): (DVec3, DVec3)) -> Vec<DVec3> {
     lattice.filter(filled).collect()
 }
 
-/// Whether an opaque instance hides a point from outside in all directions that are tried; the number of a material that does.
+/// Whether an opaque instance hides a point from outside in all directions that are tried; the
+/// number of a material that does.
 fn hidden_by(
     surfaces: &Surfaces,
     (instance, (low, high)): (u32, (DVec3, DVec3)),
@@ -338,7 +350,8 @@ fn hidden_by(
             let Some(hit) = surfaces.intersect(origin, -direction, left, &mut rng) else { break };
             let interaction = surfaces.interaction(&hit, -direction);
             if hit.instance == instance {
-                hides = (interaction.parameters.transmission == 0.0).then_some(interaction.material);
+                hides =
+                    (interaction.parameters.transmission == 0.0).then_some(interaction.material);
                 break;
             }
             origin = interaction.spawn(-direction);

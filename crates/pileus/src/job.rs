@@ -248,14 +248,11 @@ pub struct SamplingSpec {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("default" = null))]
     pub max_bounces: Option<u32>,
-    /// Most events on a path, at least 1: bounces, lookups of the extinction and majorant cells, those of its shadow rays included. It ends paths that would go on for
-    /// (nearly) ever, as between mirrors or in dense volumes that absorb nothing; the picture lacks their light, and log, plan and metadata say how many were
-    /// cut. null is unlimited.
-    #[serde(
-        default,
-        deserialize_with = "null_or_value",
-        skip_serializing_if = "Option::is_none"
-    )]
+    /// Most events on a path, at least 1: bounces, lookups of the extinction and majorant cells,
+    /// those of its shadow rays included. It ends paths that would not end by themselves, or after
+    /// millions of events: in dense volumes that absorb nothing, in bodies whose mesh is open. The
+    /// picture lacks their light; log, plan and metadata say how many were cut. null is unlimited.
+    #[serde(default, deserialize_with = "null_or_value", skip_serializing_if = "Option::is_none")]
     #[schemars(extend("default" = DEFAULT_MAX_EVENTS))]
     pub max_events: Option<Option<u64>>,
     /// How transmittance is estimated.

@@ -16,8 +16,9 @@ pub(crate) fn peak_memory_bytes() -> Option<u64> {
 
 /// Signals that end the program: Ctrl-C (SIGINT), and where there are such, SIGTERM and SIGHUP.
 ///
-/// The first one while a picture is rendered is remembered, so that what was rendered can be written. Before that there is nothing to write: a signal ends the
-/// program at once, as a second one always does. In all cases the exit code is 128 plus the signal's number.
+/// The first one while a picture is rendered is remembered, so that what was rendered can be
+/// written. Before that there is nothing to write: a signal ends the program at once, as a second
+/// one always does. In all cases the exit code is 128 plus the signal's number.
 #[derive(Debug, Default)]
 pub(crate) struct Signals {
     /// Exit code of the first signal caught; 0 is none.
@@ -69,7 +70,8 @@ impl Signals {
             if signal == SIGHUP && ignores(signal) {
                 continue;
             }
-            // In the order in which they run: a first signal arms what ends the program at the second.
+            // In the order in which they run: a first signal arms what ends the program at the
+            // second.
             use signal_hook::flag;
             flag::register_conditional_shutdown(signal, exit as i32, Arc::clone(&self.at_once))?;
             flag::register_usize(signal, Arc::clone(&self.caught), exit as usize)?;

@@ -4,9 +4,9 @@
 use std::fmt;
 use std::io::{IsTerminal, Write};
 use std::process::ExitCode;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
-use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -94,7 +94,9 @@ impl Report {
         }
     }
 
-    /// Starts to show how far a render of `total` pixel samples, `pixels` of them a sample of each pixel, has come: a bar, or lines in the log where standard error is no terminal; silent if `quiet`.
+    /// Starts to show how far a render of `total` pixel samples, `pixels` of them a sample of each
+    /// pixel, has come: a bar, or lines in the log where standard error is no terminal; silent if
+    /// `quiet`.
     pub(crate) fn progress(&self, total: u64, pixels: u64) -> Progress {
         let target =
             if self.quiet { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
@@ -126,7 +128,8 @@ impl Report {
 /// Seconds from the start of a render to the first line about its progress.
 const FIRST_LINE: f64 = 2.0;
 
-/// When the line after one at `elapsed` seconds is due: every 10 s at first, ever more rarely in long renders, every 10 minutes at last.
+/// When the line after one at `elapsed` seconds is due: every 10 s at first, ever more rarely in
+/// long renders, every 10 minutes at last.
 fn next_line(elapsed: f64) -> f64 {
     elapsed + (elapsed * 0.25).clamp(10.0, 600.0)
 }
@@ -142,7 +145,8 @@ fn duration(seconds: f64) -> String {
     }
 }
 
-/// How far a render has come after `elapsed` seconds, with an estimate of the rest as long as samples take.
+/// How far a render has come after `elapsed` seconds, with an estimate of the rest as long as
+/// samples take.
 fn progress_line(done: u64, total: u64, pixels: u64, elapsed: f64) -> String {
     let (done, all) = (done as f64, total as f64);
     let per_pixel = |n: f64| n / pixels.max(1) as f64;
@@ -159,7 +163,8 @@ fn progress_line(done: u64, total: u64, pixels: u64, elapsed: f64) -> String {
     )
 }
 
-/// Lines about a running render, from a thread of their own, so that they come also while no tile gets done.
+/// Lines about a running render, from a thread of their own, so that they come also while no tile
+/// gets done.
 struct ProgressLog {
     done: Arc<AtomicU64>,
     /// Dropped to end the thread.

@@ -229,11 +229,14 @@ fn endless(medium: &Medium, ray: &Ray, t_max: f64) -> bool {
             .is_some_and(|(_, length)| length == f32::INFINITY)
 }
 
-/// Optical depth of the strongest channel, and its extinction over the weakest one's, above which a leg through a homogeneous medium is not walked.
+/// Optical depth of the strongest channel, and its extinction over the weakest one's, above which a
+/// leg through a homogeneous medium is not walked.
 const MAX_WALKED_DEPTH: f64 = 256.0;
 
-/// The strongest channel's optical depth of a leg through a homogeneous medium whose channels differ so much that a walk by the strongest one's collisions, which
-/// are null for the others, would be very long: there flights and transmittances are closed forms, and weights leave the way out on both sides. `None` elsewhere.
+/// The strongest channel's optical depth of a leg through a homogeneous medium whose channels
+/// differ so much that a walk by the strongest one's collisions, which are null for the others,
+/// would be very long: there flights and transmittances are closed forms, and weights leave the way
+/// out on both sides. `None` elsewhere.
 pub(super) fn too_long_to_walk(medium: &Medium, ray: &Ray, t_max: f64) -> Option<f64> {
     let Medium::Homogeneous(medium) = medium else {
         return None;
@@ -353,7 +356,8 @@ impl<'a> Overlapping<'a> {
         }
         let relative = medium.relative_extinction();
         if let Some(depth) = too_long_to_walk(medium, ray, t_max) {
-            let passed = |s: f32| if s > 0.0 { libm::exp(-f64::from(s) * depth) as f32 } else { 1.0 };
+            let passed =
+                |s: f32| if s > 0.0 { libm::exp(-f64::from(s) * depth) as f32 } else { 1.0 };
             let transmittance = Spectrum::map(relative, passed);
             return Some(Shadow { transmittance, ..Shadow::CLEAR });
         }
@@ -467,8 +471,9 @@ impl<'a> Overlapping<'a> {
         nearest
     }
 
-    /// Flies past media that are not walked: the nearest of their collisions, each by a closed form of its own, ends the flight if nothing does before. The weights of
-    /// all count, since those that flew further stand for the transmittance up to there.
+    /// Flies past media that are not walked: the nearest of their collisions, each by a closed form
+    /// of its own, ends the flight if nothing does before. The weights of all count, since those
+    /// that flew further stand for the transmittance up to there.
     #[inline(never)]
     fn fly_past_long<R: Rng>(
         &self,

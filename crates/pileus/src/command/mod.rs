@@ -24,7 +24,8 @@ pub(crate) struct Prepared {
     pub(crate) plan: Plan,
 }
 
-/// Resolves and loads what a command was given, plans it, and logs what was chosen, left out or is probably not meant.
+/// Resolves and loads what a command was given, plans it, and logs what was chosen, left out or is
+/// probably not meant.
 pub(crate) fn prepare(input: &InputOptions, overrides: &Overrides) -> Result<Prepared, Failure> {
     prepare_by(Plan::new, input, overrides)
 }

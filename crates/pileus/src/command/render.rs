@@ -33,8 +33,7 @@ impl Monitor for Watch<'_> {
 pub(crate) fn run(options: &RenderOptions, report: &Report) -> Result<(), Failure> {
     let start = Instant::now();
     let signals = Signals::handled();
-    let Prepared { settings, loaded, mut plan } =
-        prepare(&options.input, &options.overrides())?;
+    let Prepared { settings, loaded, mut plan } = prepare(&options.input, &options.overrides())?;
     let scene = &loaded.scene;
     check_outputs(&settings.outputs)?;
     tracing::debug!("plan:\n{plan}");

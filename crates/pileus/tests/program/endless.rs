@@ -85,9 +85,7 @@ fn stats(folder: &Path) -> Value {
 #[test]
 fn fog_without_end_that_absorbs_nothing_is_refused() {
     let sphere = sphere_job()["volumes"][0].clone();
-    let colour = |extinction: Value, albedo: Value| {
-        json!({ "name": "mist", "homogeneous": { "sigma_t": 0.2 }, "extinction": extinction, "albedo": albedo })
-    };
+    let colour = |extinction: Value, albedo: Value| json!({ "name": "mist", "homogeneous": { "sigma_t": 0.2 }, "extinction": extinction, "albedo": albedo });
     for (volumes, refused) in [
         (json!([fog(0.2, json!(1))]), Some("albedo 1)")),
         (json!([fog(1e-9, json!(1))]), Some("albedo 1)")),
@@ -99,7 +97,10 @@ fn fog_without_end_that_absorbs_nothing_is_refused() {
         (json!([colour(json!([0, 1, 1]), json!([1, 0.9, 0.9]))]), None),
         (json!([fog(0.2, json!(1)), fog(0.01, json!(0.5))]), None),
         (json!([fog(0.0, json!(1))]), None),
-        (json!([{ "homogeneous": { "sigma_t": 2, "bounds": [[-1, -1, -1], [1, 1, 1]] }, "albedo": 1 }]), None),
+        (
+            json!([{ "homogeneous": { "sigma_t": 2, "bounds": [[-1, -1, -1], [1, 1, 1]] }, "albedo": 1 }]),
+            None,
+        ),
     ] {
         let (code, said, log) = checked_and_rendered(&small(volumes.clone(), white()));
         match refused {
@@ -119,12 +120,11 @@ fn fog_without_end_that_absorbs_nothing_is_refused() {
     assert_eq!(code, 0, "{log}");
 }
 
-/// Extinction that differs by eight orders: by the strongest channel's collisions a flight of the weakest would take 1e8 of them.
+/// Extinction that differs by eight orders: by the strongest channel's collisions a flight of the
+/// weakest would take 1e8 of them.
 #[test]
 fn channels_that_differ_by_orders_end() {
-    let uneven = |homogeneous: Value| {
-        json!({ "homogeneous": homogeneous, "extinction": [1, 1e-4, 1e-8], "albedo": 0.9 })
-    };
+    let uneven = |homogeneous: Value| json!({ "homogeneous": homogeneous, "extinction": [1, 1e-4, 1e-8], "albedo": 0.9 });
     let mut sphere = sphere_job()["volumes"][0].clone();
     sphere["law"] = json!({ "type": "power", "k": 2 });
     for volumes in [
@@ -141,10 +141,12 @@ fn channels_that_differ_by_orders_end() {
     }
 }
 
-/// The same in closed form: what passes a slab that absorbs, and a furnace, a slab that absorbs nothing in light of one from all around, which is one everywhere.
-/// The furnace mixes legs that are walked (across the slab) with those that are not (along it), and is lit by an image, so that shadow rays and paths are weighted against
-/// each other. Null hypothesis: means are exact. Their errors are estimated from 64 independent means; |z| < 6 on 6 means, false alarm 1e-7 (t with 63 degrees of
-/// freedom). It sees a bias of some 2 %.
+/// The same in closed form: what passes a slab that absorbs, and a furnace, a slab that absorbs
+/// nothing in light of one from all around, which is one everywhere. The furnace mixes legs that
+/// are walked (across the slab) with those that are not (along it), and is lit by an image, so that
+/// shadow rays and paths are weighted against each other. Null hypothesis: means are exact. Their
+/// errors are estimated from 64 independent means; |z| < 6 on 6 means, false alarm 1e-7 (t with 63
+/// degrees of freedom). It sees a bias of some 2 %.
 #[test]
 fn channels_that_differ_by_orders_are_exact() {
     let slab = |albedo: f64| {
@@ -165,10 +167,7 @@ fn channels_that_differ_by_orders_are_exact() {
         assert!((found - exact).abs() < 6.0 * error + 1e-6, "{found} {exact}");
     }
 
-    let mut job = small(
-        slab(1.0),
-        json!([{ "type": "environment", "image": "white.exr" }]),
-    );
+    let mut job = small(slab(1.0), json!([{ "type": "environment", "image": "white.exr" }]));
     job["camera"] = json!({ "position": [0, 0, 0], "look_at": [1, 0.0, 0], "fov_y": 40 });
     job["film"]["resolution"] = json!([8, 8]);
     let furnace = folder(&[("job.json", &job.to_string())]);
@@ -202,12 +201,30 @@ fn black_pictures_are_warned_of() {
         job
     };
     for (job, expected) in [
-        (small(json!([fog(0.01, json!(0.9)), sphere]), json!([sun, { "type": "environment", "radiance": 1 }])), Some("the picture is black")),
-        (small(json!([fog(0.01, json!(0.9))]), json!([{ "type": "sky", "elevation": 30 }])), Some("no light of a sun, a sky")),
-        (small(json!([fog(0.01, json!(0.9))]), json!([sun, point])), Some("what else shines lights the scene alone")),
+        (
+            small(
+                json!([fog(0.01, json!(0.9)), sphere]),
+                json!([sun, { "type": "environment", "radiance": 1 }]),
+            ),
+            Some("the picture is black"),
+        ),
+        (
+            small(json!([fog(0.01, json!(0.9))]), json!([{ "type": "sky", "elevation": 30 }])),
+            Some("no light of a sun, a sky"),
+        ),
+        (
+            small(json!([fog(0.01, json!(0.9))]), json!([sun, point])),
+            Some("what else shines lights the scene alone"),
+        ),
         (small(json!([red]), white()), Some("no red light")),
-        (small(json!([sphere]), json!([{ "type": "environment", "radiance": 0 }])), Some("nothing shines")),
-        (away(small(json!([sphere]), white())), Some("no volume and no surface lies in the picture")),
+        (
+            small(json!([sphere]), json!([{ "type": "environment", "radiance": 0 }])),
+            Some("nothing shines"),
+        ),
+        (
+            away(small(json!([sphere]), white())),
+            Some("no volume and no surface lies in the picture"),
+        ),
         (small(json!([fog(0.01, json!(0.9))]), json!([point])), None),
         (small(json!([sphere]), white()), None),
         (away(small(json!([fog(0.01, json!(0.9))]), json!([point]))), None),
@@ -241,8 +258,8 @@ fn black_pictures_are_warned_of() {
 fn boxes(boxes: &[(&str, Value, [f32; 3], [f32; 3])]) -> (Value, Vec<u8>) {
     // Faces of the unit cube, counter-clockwise seen from outside.
     let faces: [u32; 36] = [
-        0, 2, 1, 1, 2, 3, 4, 5, 6, 5, 7, 6, 0, 1, 4, 1, 5, 4, 2, 6, 3, 3, 6, 7, 0, 4, 2, 2, 4, 6, 1,
-        3, 5, 3, 7, 5,
+        0, 2, 1, 1, 2, 3, 4, 5, 6, 5, 7, 6, 0, 1, 4, 1, 5, 4, 2, 6, 3, 3, 6, 7, 0, 4, 2, 2, 4, 6,
+        1, 3, 5, 3, 7, 5,
     ];
     let mut bin: Vec<u8> = faces.iter().flat_map(|i| i.to_le_bytes()).collect();
     let (mut accessors, mut views) = (
@@ -281,7 +298,8 @@ fn volumes_inside_opaque_meshes_are_warned_of() {
         "name": "glass", "pbrMetallicRoughness": { "metallicFactor": 0, "roughnessFactor": 0 },
         "extensions": { "KHR_materials_transmission": { "transmissionFactor": 1 } }
     });
-    let one = |material: &Value, half: f32| vec![("Domain", material.clone(), [-half; 3], [half; 3])];
+    let one =
+        |material: &Value, half: f32| vec![("Domain", material.clone(), [-half; 3], [half; 3])];
     // Half outside.
     let half_in = vec![("Domain", opaque.clone(), [-1.2, -1.2, -1.2], [0.0, 1.2, 1.2])];
     // Inside a room with the camera, as all things are.
@@ -361,7 +379,10 @@ fn paths_without_end_are_cut_and_counted() {
         let folder = crate::folder(&[("job.json", &job.to_string())]);
         assert_eq!(ends(folder.path(), &["render", "job.json"]).0, 0);
         let found = stats(folder.path());
-        assert_eq!((&found["cut_by_max_events"], &found["plan"]["biased"]), (&json!(0), &json!([])));
+        assert_eq!(
+            (&found["cut_by_max_events"], &found["plan"]["biased"]),
+            (&json!(0), &json!([]))
+        );
         read_exr(&folder.path().join("out.exr")).unwrap().channel("R").unwrap().to_vec()
     };
     assert_eq!(plain(json!(100_000)), plain(Value::Null));
@@ -379,7 +400,9 @@ fn paths_without_end_are_cut_and_counted() {
     };
     assert_eq!(again("1", "3"), again("3", "3"));
 
-    for (value, code) in [(json!(0), 3), (json!(1.5), 3), (json!(-1), 3), (json!(1), 0), (Value::Null, 0)] {
+    for (value, code) in
+        [(json!(0), 3), (json!(1.5), 3), (json!(-1), 3), (json!(1), 0), (Value::Null, 0)]
+    {
         let mut job = sphere_job();
         job["sampling"]["max_events"] = value.clone();
         let folder = crate::folder(&[("job.json", &job.to_string())]);
@@ -389,7 +412,8 @@ fn paths_without_end_are_cut_and_counted() {
     }
 }
 
-/// A body that scatters without absorbing, whose mesh is one quad: no path that entered it finds a way out.
+/// A body that scatters without absorbing, whose mesh is one quad: no path that entered it finds a
+/// way out.
 #[test]
 fn bodies_without_a_back_end() {
     let scene = json!({
@@ -450,7 +474,10 @@ mod signals {
     use std::process::{ChildStderr, Command};
 
     /// A render in the background, and what it says.
-    fn started(command: &mut Command, arguments: &[&str]) -> (Child, Lines<BufReader<ChildStderr>>) {
+    fn started(
+        command: &mut Command,
+        arguments: &[&str],
+    ) -> (Child, Lines<BufReader<ChildStderr>>) {
         let mut child = command.args(arguments).stderr(Stdio::piped()).spawn().unwrap();
         let lines = BufReader::new(child.stderr.take().unwrap()).lines();
         (child, lines)
@@ -512,7 +539,8 @@ mod signals {
         }
     }
 
-    /// The log of a render tells how far it is, without a terminal and while no path gets done; a signal ends it within a path.
+    /// The log of a render tells how far it is, without a terminal and while no path gets done; a
+    /// signal ends it within a path.
     #[test]
     fn a_signal_ends_a_path() {
         let mut job = small(trap(), white());
@@ -520,7 +548,8 @@ mod signals {
         let folder = folder(&[("job.json", &job.to_string())]);
         let arguments = ["--threads", "1", "render", "job.json"];
         let (child, mut lines) = started(&mut pileus(folder.path()), &arguments);
-        let line = lines.find(|line| line.as_ref().unwrap().contains("rendering: ")).unwrap().unwrap();
+        let line =
+            lines.find(|line| line.as_ref().unwrap().contains("rendering: ")).unwrap().unwrap();
         assert!(line.contains("0.0 of 2 samples per pixel, 2 s elapsed"), "{line}");
         let sent = Instant::now();
         send("-INT", &child);
