@@ -11,6 +11,8 @@ pub struct Counters {
     pub bounces: u64,
     /// Paths that were cut by `max_bounces`: what they would have brought is missing.
     pub cut_by_max_bounces: u64,
+    /// Paths that were cut by `max_events`: what they would have brought is missing.
+    pub cut_by_max_events: u64,
     /// Shadow rays walked.
     pub shadow_rays: u64,
     /// Evaluations of the extinction field.
@@ -35,6 +37,7 @@ impl Counters {
         self.paths += other.paths;
         self.bounces += other.bounces;
         self.cut_by_max_bounces += other.cut_by_max_bounces;
+        self.cut_by_max_events += other.cut_by_max_events;
         self.shadow_rays += other.shadow_rays;
         self.lookups += other.lookups;
         self.majorant_steps += other.majorant_steps;

@@ -7,6 +7,7 @@ mod error;
 mod expected;
 mod interior;
 mod lights;
+mod limits;
 mod media;
 mod passage;
 mod path;
@@ -16,6 +17,7 @@ mod render;
 mod sampler;
 mod settings;
 mod thickness;
+mod warnings;
 mod world;
 
 pub use cost::PathCost;
@@ -25,4 +27,6 @@ pub use pilot::Pilot;
 pub use plan::{Plan, PlannedVolume};
 pub use render::{Monitor, Unmonitored, render, sample_pixel};
 pub use sampler::PathSampler;
-pub use settings::{Distance, LightSampling, RenderSettings, ShadowRoulette, Transmittance};
+pub use settings::{
+    DEFAULT_MAX_EVENTS, Distance, LightSampling, RenderSettings, ShadowRoulette, Transmittance,
+};

@@ -17,6 +17,7 @@ use crate::counters::Counters;
 use crate::expected::Expected;
 use crate::interior::{self, Inside};
 use crate::lights::{Guide, Lights};
+use crate::limits::{Cut, PathLimits};
 use crate::media::{Ending, Flown, Leg, Media, Ray, Start};
 use crate::passage::{Passage, bsdf};
 use crate::sampler::PathSampler;
@@ -63,6 +64,7 @@ pub(crate) struct Kernel<'a, M, W> {
     pub(crate) lights: &'a Lights,
     pub(crate) environment: &'a Environment,
     pub(crate) max_bounces: u32,
+    pub(crate) limits: PathLimits<'a>,
     /// Extinction, 1/length, by which flights are taken to be distributed when they are weighted against equiangular points. Any positive value
     /// is unbiased.
     pub(crate) typical_sigma_t: f64,
@@ -162,6 +164,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         // Whether the ray is still the camera's, and how many panes the path went straight through: these are no bounces to `max_bounces`.
         let mut camera = true;
         let mut crossed = 0;
+        let mut next_look = self.limits.first_look();
         loop {
             let hit = self.world.intersect(&ray, camera, sampler);
             let t_surface = hit.as_ref().map_or(f64::INFINITY, |hit| hit.t);
@@ -247,12 +250,6 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
                     break;
                 }
                 Event::Collision { t, phase, albedo } => {
-                    if bounces - crossed >= self.max_bounces {
-                        counters.cut_by_max_bounces += 1;
-                        bounces += 1;
-                        break;
-                    }
-                    bounces += 1;
                     beta *= albedo;
                     let vertex = InMedium { phase, incoming: ray.direction };
                     (ray.at(t), W::in_medium(vertex), Turn::Medium(phase))
@@ -269,26 +266,42 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
                     let wo = -ray.direction;
                     let bsdf = bsdf(&interaction);
                     let p = interaction.p;
-                    if bounces - crossed >= self.max_bounces {
-                        let straight = bsdf.straight_through(wo);
-                        counters.cut_by_max_bounces += u64::from(straight != Vec3::ONE);
-                        beta *= straight;
-                        let through = W::at_surface(bsdf, wo, interaction);
-                        let Some(vertex) = through.filter(|_| beta != Vec3::ZERO) else {
-                            bounces += 1;
-                            break;
-                        };
-                        pass_through(&mut inside, &interaction);
-                        last = Some(Last { p, vertex, pdf: 0.0 });
-                        ray = Ray { origin: interaction.spawn(ray.direction), ..ray };
-                        start = None;
-                        continue;
-                    }
-                    bounces += 1;
                     let Some(vertex) = W::at_surface(bsdf, wo, interaction) else { break };
                     (p, vertex, Turn::Surface(bsdf, interaction))
                 }
             };
+            if bounces >= next_look {
+                let events = u64::from(bounces) + tally.lookups + tally.majorant_steps;
+                match self.limits.look(bounces, crossed, events) {
+                    Ok(next) => next_look = next,
+                    Err(cut) => {
+                        bounces += 1;
+                        // What goes straight through a pane has not been scattered: no limit on scatterings stops it.
+                        let straight = match &turn {
+                            Turn::Surface(bsdf, _) if cut == Cut::MaxBounces => {
+                                bsdf.straight_through(-ray.direction)
+                            }
+                            _ => Vec3::ZERO,
+                        };
+                        if straight != Vec3::ONE {
+                            counters.count_cut(cut);
+                        }
+                        beta *= straight;
+                        let Turn::Surface(_, interaction) = &turn else { break };
+                        if beta == Vec3::ZERO {
+                            break;
+                        }
+                        crossed += 1;
+                        pass_through(&mut inside, interaction);
+                        let origin = interaction.spawn(ray.direction);
+                        last = Some(Last { p, vertex, pdf: 0.0 });
+                        ray = Ray { origin, direction: ray.direction };
+                        start = None;
+                        continue;
+                    }
+                }
+            }
+            bounces += 1;
             // Weights of flights through media whose bounds do not hold have either sign.
             let strongest = beta.abs().max_element();
             if !(strongest > 0.0) {

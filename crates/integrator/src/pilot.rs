@@ -6,6 +6,7 @@
 use crate::Error;
 use crate::counters::Counters;
 use crate::interior::Inside;
+use crate::limits::PathLimits;
 use crate::media::{Collision, Flown, Leg, Media, MediaIndex, Overlapping, Ray, Shadow, Together};
 use crate::path::Kernel;
 use crate::plan::{Plan, PlannedMedia};
@@ -23,6 +24,10 @@ use rand_core::Rng;
 use rand_pcg::Pcg32;
 use rayon::prelude::*;
 use std::sync::{Arc, Mutex};
+
+/// Events after which a path of the pilot is cut: bounds its time, and what the few longer paths
+/// cost is underrated.
+const MAX_EVENTS: u64 = 1 << 14;
 
 /// A ray that a path walked.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -114,11 +119,13 @@ impl Media for Recorder<'_> {
 }
 
 impl Pilot {
-    /// Traces `paths` paths over a lattice of pixels. The same for every seed of the settings and any number of threads.
+    /// Traces `paths` paths over a lattice of pixels, each for some 16,000 events at most. A
+    /// function of scene, plan and settings (but for the seed), whatever the number of threads.
     pub fn new(scene: &Scene, plan: &Plan, settings: &RenderSettings, paths: u32) -> Pilot {
         let fires: Vec<_> = scene.fires().cloned().collect();
         let world = Whole { surfaces: scene.surfaces.as_deref(), fires: &fires };
         let [width, height] = scene.camera.resolution();
+        let limits = PathLimits::new(settings, &|| false).with_max_events(MAX_EVENTS);
         let traced: Vec<(Vec<PilotRay>, u64)> = (0..paths)
             .into_par_iter()
             .map(|i| {
@@ -134,7 +141,8 @@ impl Pilot {
                     world,
                     lights: &plan.lights.0,
                     environment: &scene.environment,
-                    max_bounces: settings.max_bounces.unwrap_or(u32::MAX),
+                    max_bounces: limits.max_bounces(),
+                    limits,
                     typical_sigma_t: 1.0,
                     analog_flights: plan.analog_flights,
                     inside: Inside::new(),

@@ -2,12 +2,14 @@
 
 use crate::Error;
 use crate::cost::PathCost;
+use crate::counters::Counters;
 use crate::expected::Expected;
 use crate::lights::Lights;
 use crate::media::{MediaIndex, Methods};
 use crate::pilot::Pilot;
 use crate::settings::{Distance, RenderSettings, ShadowRoulette, Transmittance};
 use crate::thickness::typical_depth;
+use crate::warnings;
 use crate::world::luminance;
 use pileus_media::distance::DistanceSampler;
 use pileus_media::law::Law;
@@ -87,6 +89,10 @@ impl PartialEq for PlannedLights {
 /// Paths of the pilot: some milliseconds; a tenth of error, up to a half where few paths scatter for long (`docs/charts/majorants.md`).
 const PILOT_PATHS: u32 = 512;
 
+/// Optical depth of a voxel above which no paths are traced ahead: null collisions before a real
+/// one grow as its root.
+const MAX_PILOT_DEPTH: f64 = 1e5;
+
 /// What is modelled, by which methods, and why. Prints itself for people and serialises for `stats` and image metadata.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Plan {
@@ -124,20 +130,48 @@ pub struct Plan {
     pub shadow_ray_lights: usize,
     /// Most scattering events on a path; none: unlimited.
     pub max_bounces: Option<u32>,
+    /// Most events of any kind on a path; none: unlimited.
+    pub max_events: Option<u64>,
     /// The media.
     pub volumes: Vec<PlannedVolume>,
     /// Reasons for the choices.
     pub reasons: Vec<String>,
     /// What the files contain and the picture leaves out.
     pub not_modelled: Vec<String>,
+    /// What is legal and probably not meant: pictures that will be black, volumes that nobody will
+    /// see.
+    pub warnings: Vec<String>,
 }
 
 impl Plan {
-    /// Plans a render.
+    /// Plans a render, by a few paths where they tell what no formula knows: at most some seconds
+    /// of work, whatever the scene.
     ///
     /// # Errors
-    /// If the settings ask for what the scene does not allow.
+    /// If the settings ask for what the scene does not allow, or if paths would not end by
+    /// construction.
     pub fn new(scene: &Scene, settings: &RenderSettings) -> Result<Plan, Error> {
+        let mut plan = Plan::without_paths(scene, settings)?;
+        plan.ask_pilots(scene, settings);
+        Ok(plan)
+    }
+
+    /// As [`Plan::new`], without tracing a path: nothing is predicted, and shadow rays are left to
+    /// importance. A render by it is right, and slower in some scenes.
+    ///
+    /// # Errors
+    /// If the settings ask for what the scene does not allow, or if paths would not end by
+    /// construction.
+    pub fn without_paths(scene: &Scene, settings: &RenderSettings) -> Result<Plan, Error> {
+        if settings.max_events == Some(0) {
+            return Err(Error::Invalid {
+                what: "sampling.max_events is 0: no path could begin".into(),
+                remedy: "give at least 1, or null for no limit".into(),
+            });
+        }
+        if settings.max_bounces.is_none() {
+            warnings::refuse_endless(scene)?;
+        }
         settings.filter.validate().map_err(|error| Error::Invalid {
             what: error.to_string(),
             remedy: "correct film.filter".into(),
@@ -296,11 +330,14 @@ impl Plan {
         if let Some(most) = settings.clamp {
             biased.push(format!("clamp {most}: brighter samples are darkened"));
         }
+        if let Some(line) = warnings::may_cut(scene, settings) {
+            biased.push(line);
+        }
         let mut not_modelled = scene.not_modelled.clone();
         if let Some(surfaces) = surfaces {
             describe_panes(scene, surfaces, &mut reasons, &mut not_modelled);
         }
-        let mut plan = Plan {
+        let plan = Plan {
             kernel,
             predicted: None,
             mis,
@@ -332,29 +369,65 @@ impl Plan {
             majorants: settings.majorants.name(),
             shadow_ray_lights: lights.count(),
             max_bounces: settings.max_bounces,
+            max_events: settings.max_events,
             volumes,
             reasons,
             not_modelled,
+            warnings: warnings::all(scene),
         };
+        Ok(plan)
+    }
+
+    /// Asks pilots what paths cost and what shadow rays may bring.
+    fn ask_pilots(&mut self, scene: &Scene, settings: &RenderSettings) {
+        let media = || scene.volumes.iter().map(|volume| &*volume.medium);
+        if let Some(depth) = warnings::depth_of_a_voxel(media()).filter(|d| *d > MAX_PILOT_DEPTH) {
+            self.reasons.push(format!(
+                "no paths are traced to predict costs: a voxel has an optical depth of up to {depth:.2e}, and walks would be long"
+            ));
+            return;
+        }
+        let grids = media().any(|medium| matches!(medium, Medium::Grid(_)));
+        let of_flakes = media().any(|medium| medium.phase().flakes().is_some());
+        let laws = media().any(|medium| medium.law().is_some());
+        let parts = self.kernel == KernelKind::SingleChromatic;
+        let methods = self.methods;
         let tracked = matches!(
             methods.distance,
             DistanceSampler::Delta | DistanceSampler::Spectral | DistanceSampler::WeightedDelta
         );
         // The pilot's flights do not part.
-        if grids > 0
+        if grids
             && !of_flakes
             && tracked
             && !parts
             && methods.transmittance == Estimator::Ratio
-            && !plan.equiangular
+            && !self.equiangular
             && !laws
         {
-            let pilot = Pilot::new(scene, &plan, settings, PILOT_PATHS);
-            let cost = pilot.cost_on(&plan.media);
-            plan.predicted = Some(PathCost::new(cost.collisions, cost.steps, pilot.collisions()));
+            let pilot = Pilot::new(scene, self, settings, PILOT_PATHS);
+            let cost = pilot.cost_on(&self.media);
+            if cost.steps == 0.0 {
+                self.warnings.extend(warnings::met_by_none(scene, PILOT_PATHS));
+            }
+            self.predicted = Some(PathCost::new(cost.collisions, cost.steps, pilot.collisions()));
         }
-        plan.choose_shadow_roulette(scene, settings);
-        Ok(plan)
+        self.choose_shadow_roulette(scene, settings);
+    }
+
+    /// Puts what a render counted in the place of what might have happened: which limits did cut
+    /// paths.
+    pub fn settle(&mut self, counters: &Counters) {
+        let Some(n) = self.max_events else { return };
+        self.biased.retain(|line| !line.starts_with(warnings::MAX_EVENTS));
+        if counters.cut_by_max_events > 0 {
+            self.biased.push(format!(
+                "{} {n}: {} of {} paths were cut",
+                warnings::MAX_EVENTS,
+                counters.cut_by_max_events,
+                counters.paths
+            ));
+        }
     }
 
     /// Asks a second pilot what shadow rays may bring, where that pays.
@@ -805,6 +878,10 @@ impl fmt::Display for Plan {
             Some(n) => writeln!(f, "bounces        at most {n}")?,
             None => writeln!(f, "bounces        unlimited")?,
         }
+        match self.max_events {
+            Some(n) => writeln!(f, "events         at most {n} a path")?,
+            None => writeln!(f, "events         unlimited")?,
+        }
         for volume in &self.volumes {
             writeln!(
                 f,
@@ -830,6 +907,9 @@ impl fmt::Display for Plan {
         }
         for item in &self.not_modelled {
             writeln!(f, "not modelled   {item}")?;
+        }
+        for item in &self.warnings {
+            writeln!(f, "warning        {item}")?;
         }
         Ok(())
     }

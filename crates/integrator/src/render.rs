@@ -3,6 +3,7 @@
 use crate::counters::Counters;
 use crate::error::Error;
 use crate::interior::Inside;
+use crate::limits::PathLimits;
 use crate::media::{
     AnyStructure, DefaultStructure, Media, Overlapping, Ray, SingleChromatic, SingleGrey,
     Structures, UnderLaw,
@@ -21,12 +22,13 @@ use pileus_scene::Scene;
 use rayon::prelude::*;
 use std::marker::PhantomData;
 use std::ops::Range;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Instant;
 
 /// Watches a render and may stop it.
 pub trait Monitor: Sync {
-    /// Whether to stop: the running pass is given up, what was committed before stands.
+    /// Whether to stop: the running pass is given up, what was committed before stands. Asked from
+    /// all threads, between paths and within long ones; once it was true it is not asked again.
     fn cancelled(&self) -> bool {
         false
     }
@@ -40,14 +42,38 @@ pub struct Unmonitored;
 
 impl Monitor for Unmonitored {}
 
+/// A monitor that has stopped a render stays that way: a path that was cut is in no tile that
+/// counts.
+struct Watch<'a> {
+    monitor: &'a dyn Monitor,
+    stopped: AtomicBool,
+}
+
+impl Watch<'_> {
+    fn stopped(&self) -> bool {
+        if self.stopped.load(Ordering::Relaxed) {
+            return true;
+        }
+        let stopped = self.monitor.cancelled();
+        if stopped {
+            self.stopped.store(true, Ordering::Relaxed);
+        }
+        stopped
+    }
+}
+
+/// Paths of a tile between two looks at the monitor.
+const PATHS_BETWEEN_LOOKS: u32 = 64;
+
 /// Seconds that a pass should take: what a cancelled render loses at most, roughly.
 const PASS_SECONDS: f64 = 2.0;
 
 /// Renders `settings.samples` of every pixel of the film's window into it, on the current rayon pool.
 ///
 /// The value of a sample depends on scene, plan, settings, pixel and sample number alone, and the film's sums are exact: threads, tile
-/// size, the length of passes and any split of the samples change nothing, bit for bit. When the monitor cancels, the film holds
-/// all whole passes done so far: the first `film.samples()` of the range.
+/// size, the length of passes and any split of the samples change nothing, bit for bit. When the
+/// monitor cancels, paths end where they are and count nowhere; the film, and the counters
+/// returned, hold all whole passes done so far: the first `film.samples()` of the range.
 ///
 /// # Errors
 /// If film and camera differ in resolution.
@@ -68,8 +94,9 @@ pub fn render(
             remedy: "make both from one resolution".into(),
         });
     }
-    let mut run = Run { scene, settings, film, monitor };
-    Ok(dispatch(scene, plan, settings, &mut run))
+    let watch = Watch { monitor, stopped: AtomicBool::new(false) };
+    let mut run = Run { scene, settings, film, watch: &watch };
+    Ok(dispatch(scene, plan, settings, &|| watch.stopped(), &mut run))
 }
 
 /// The value of one sample of one pixel: what [`render`] adds to the film.
@@ -103,7 +130,7 @@ pub fn sample_pixel(
             )
         }
     }
-    dispatch(scene, plan, settings, &mut One { scene, settings, pixel, sample })
+    dispatch(scene, plan, settings, &|| false, &mut One { scene, settings, pixel, sample })
 }
 
 /// Work that is compiled for each kernel.
@@ -134,7 +161,7 @@ fn run_planned<J: Job, M: Media>(
 struct Common<'a> {
     scene: &'a Scene,
     plan: &'a Plan,
-    max_bounces: u32,
+    limits: PathLimits<'a>,
     typical_sigma_t: f64,
 }
 
@@ -145,7 +172,8 @@ impl<'a> Common<'a> {
             world,
             lights: &self.plan.lights.0,
             environment: &self.scene.environment,
-            max_bounces: self.max_bounces,
+            max_bounces: self.limits.max_bounces(),
+            limits: self.limits,
             typical_sigma_t: self.typical_sigma_t,
             analog_flights: self.plan.analog_flights,
             inside: Inside::new(),
@@ -159,12 +187,13 @@ fn dispatch<J: Job>(
     scene: &Scene,
     plan: &Plan,
     settings: &RenderSettings,
+    stop: &(dyn Fn() -> bool + Sync),
     job: &mut J,
 ) -> J::Output {
     let media = plan.media.media.as_slice();
-    let max_bounces = settings.max_bounces.unwrap_or(u32::MAX);
+    let limits = PathLimits::new(settings, stop);
     let typical_sigma_t = if plan.equiangular { typical_sigma_t(scene) } else { 0.0 };
-    let common = Common { scene, plan, max_bounces, typical_sigma_t };
+    let common = Common { scene, plan, limits, typical_sigma_t };
     if let (KernelKind::SingleGrey | KernelKind::SingleChromatic, [medium]) = (plan.kernel, media)
         && let Medium::Grid(medium) = &**medium
     {
@@ -259,7 +288,7 @@ struct Run<'a> {
     scene: &'a Scene,
     settings: &'a RenderSettings,
     film: &'a mut Film,
-    monitor: &'a dyn Monitor,
+    watch: &'a Watch<'a>,
 }
 
 impl Job for Run<'_> {
@@ -278,7 +307,7 @@ impl Job for Run<'_> {
         let mut counters = Counters::default();
         let mut next = range.start;
         let mut length = 1u64;
-        while next < range.end && !self.monitor.cancelled() {
+        while next < range.end && !self.watch.stopped() {
             let pass = next..(next + length).min(range.end);
             let start = Instant::now();
             let Some((rendered, pass_counters)) =
@@ -317,14 +346,19 @@ impl Run<'_> {
         let rendered: Option<Vec<(Tile, Counters)>> = tiles
             .par_iter()
             .map(|&(x0, y0, width, height)| {
-                if self.monitor.cancelled() {
-                    return None;
-                }
+                let mut before_look = 1u32;
                 let mut tile = Tile::new(x0, y0, width, height);
                 let mut counters = Counters::default();
                 for y in y0..y0 + height {
                     for x in x0..x0 + width {
                         for sample in samples.clone() {
+                            before_look -= 1;
+                            if before_look == 0 {
+                                if self.watch.stopped() {
+                                    return None;
+                                }
+                                before_look = PATHS_BETWEEN_LOOKS;
+                            }
                             let value = trace::<M, W, MIS, EQUIANGULAR>(
                                 kernel,
                                 self.scene,
@@ -337,9 +371,13 @@ impl Run<'_> {
                         }
                     }
                 }
+                // A path in here may have been cut.
+                if self.watch.stopped() {
+                    return None;
+                }
                 let count = u64::from(width) * u64::from(height) * (samples.end - samples.start);
                 let before = done.fetch_add(count, Ordering::Relaxed);
-                self.monitor.progress(before + count, total);
+                self.watch.monitor.progress(before + count, total);
                 Some((tile, counters))
             })
             .collect();

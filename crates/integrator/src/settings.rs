@@ -89,6 +89,10 @@ pub enum ShadowRoulette {
     Expected,
 }
 
+/// The value of [`RenderSettings::max_events`] where nobody says otherwise: some tenths of a second
+/// for one path.
+pub const DEFAULT_MAX_EVENTS: u64 = 1 << 20;
+
 /// How a scene is to be sampled. The value of a sample depends on these (but for the range), the scene, the pixel and the sample's number.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RenderSettings {
@@ -98,6 +102,12 @@ pub struct RenderSettings {
     pub seed: u64,
     /// Most scattering events on a path; `None`: unlimited.
     pub max_bounces: Option<u32>,
+    /// Most events on a path, at least 1: bounces, evaluations of the extinction field and majorant
+    /// cells visited, those of its shadow rays included. `None`: unlimited. **Biased** where paths
+    /// are longer, which are cut and counted: it is there for scenes whose paths would not end.
+    /// Looked at every so many bounces, 16 to 256: a path passes it by what it does in between.
+    /// Where the channels of a path part, each branch counts for itself.
+    pub max_events: Option<u64>,
     /// Pixel filter, by importance sampling.
     pub filter: Filter,
     /// How transmittance is estimated.
@@ -130,6 +140,7 @@ impl Default for RenderSettings {
             samples: 0..64,
             seed: 0,
             max_bounces: None,
+            max_events: Some(DEFAULT_MAX_EVENTS),
             filter: Filter::default(),
             transmittance: Transmittance::Auto,
             distance: Distance::Auto,

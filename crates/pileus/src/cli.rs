@@ -15,7 +15,8 @@ Exit codes:
     3  an input breaks its format or contradicts itself
     4  a file is missing or cannot be read or written
     5  the input is legal, but this version does not render it
-  130  stopped by Ctrl-C; what was rendered until then is written
+  129  stopped by SIGHUP (unless started under nohup), 130 by Ctrl-C, 143 by SIGTERM; the whole
+       passes rendered until then are written. A second signal ends the program at once
 
 Results go to standard output, everything else to standard error.";
 

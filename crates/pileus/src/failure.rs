@@ -16,8 +16,12 @@ pub enum Exit {
     Io = 4,
     /// The input is legal, but this version does not render it.
     Unsupported = 5,
+    /// Stopped by SIGHUP, as when a terminal closes; what was rendered is written.
+    HungUp = 129,
     /// Stopped by Ctrl-C; what was rendered is written.
     Interrupted = 130,
+    /// Stopped by SIGTERM, as schedulers send it; what was rendered is written.
+    Terminated = 143,
 }
 
 /// What ends a command early.
@@ -61,9 +65,14 @@ pub enum Failure {
         #[source]
         source: std::io::Error,
     },
-    /// Ctrl-C.
-    #[error("{0}")]
-    Interrupted(String),
+    /// A signal.
+    #[error("{what}")]
+    Interrupted {
+        /// What was done until then.
+        what: String,
+        /// The exit code that tells which signal it was.
+        exit: Exit,
+    },
 }
 
 impl Failure {
@@ -88,7 +97,7 @@ impl Failure {
             Self::Integrator(_) | Self::Lab(_) => Exit::Invalid,
             Self::Usage { .. } => Exit::Usage,
             Self::Io { .. } => Exit::Io,
-            Self::Interrupted(_) => Exit::Interrupted,
+            Self::Interrupted { exit, .. } => *exit,
         }
     }
 

@@ -2,6 +2,7 @@
 //!
 //! The doc comments here are the reference: `pileus schema` and the page made from it print them.
 
+use pileus_integrator::DEFAULT_MAX_EVENTS;
 use pileus_scene::volume_spec::{Rgb, VolumeSpec};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -223,6 +224,13 @@ pub enum FilterKind {
     BlackmanHarris,
 }
 
+/// Tells a key that is null, `Some(None)`, from one that is not there, `None`.
+fn null_or_value<'de, T: Deserialize<'de>, D: serde::Deserializer<'de>>(
+    deserializer: D,
+) -> Result<Option<Option<T>>, D::Error> {
+    Option::<T>::deserialize(deserializer).map(Some)
+}
+
 /// How the image is sampled.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -240,6 +248,13 @@ pub struct SamplingSpec {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("default" = null))]
     pub max_bounces: Option<u32>,
+    /// Most events on a path, at least 1: bounces, lookups of the extinction and majorant cells,
+    /// those of its shadow rays included. It ends paths that would not end by themselves, or after
+    /// millions of events: in dense volumes that absorb nothing, in bodies whose mesh is open. The
+    /// picture lacks their light; log, plan and metadata say how many were cut. null is unlimited.
+    #[serde(default, deserialize_with = "null_or_value", skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("default" = DEFAULT_MAX_EVENTS))]
+    pub max_events: Option<Option<u64>>,
     /// How transmittance is estimated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("default" = "auto"))]

@@ -72,7 +72,7 @@ pub(crate) fn metadata(
         |value: Result<String, serde_json::Error>| MetaValue::Text(value.unwrap_or_default());
     let text = |value: String| MetaValue::Text(value);
     let render = &settings.render;
-    let max_bounces = render.max_bounces.map_or("unlimited".to_owned(), |n| n.to_string());
+    let limit = |n: Option<u64>| n.map_or("unlimited".to_owned(), |n| n.to_string());
     [
         ("software", text(format!("Pileus {VERSION}"))),
         ("pileus:version", text(VERSION.into())),
@@ -82,7 +82,10 @@ pub(crate) fn metadata(
         ("pileus:counters", json(serde_json::to_string(counters))),
         ("pileus:samples", text(samples.to_string())),
         ("pileus:seed", text(render.seed.to_string())),
-        ("pileus:max_bounces", text(max_bounces)),
+        ("pileus:max_bounces", text(limit(render.max_bounces.map(u64::from)))),
+        ("pileus:max_events", text(limit(render.max_events))),
+        ("pileus:biased", text(plan.biased.join("\n"))),
+        ("pileus:warnings", text(plan.warnings.join("\n"))),
         ("pileus:filter", text(format!("{:?}", render.filter))),
         ("pileus:transmittance", text(plan.transmittance.name().into())),
         ("pileus:distance", text(plan.distance.name().into())),

@@ -4,7 +4,11 @@
 use std::fmt;
 use std::io::{IsTerminal, Write};
 use std::process::ExitCode;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
 
 use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use miette::{Diagnostic, LabeledSpan, MietteHandlerOpts, NamedSource, ReportHandler};
@@ -67,7 +71,7 @@ impl Report {
 
     /// Prints why a command ended early, its chain of causes and what to do.
     pub fn failure(&self, failure: &Failure) {
-        if let Failure::Interrupted(what) = failure {
+        if let Failure::Interrupted { what, .. } = failure {
             if !self.quiet {
                 eprintln!("{what}");
             }
@@ -90,8 +94,10 @@ impl Report {
         }
     }
 
-    /// Starts a progress bar; silent when standard error is no terminal or `quiet`.
-    pub(crate) fn progress(&self, total: u64) -> Progress {
+    /// Starts to show how far a render of `total` pixel samples, `pixels` of them a sample of each
+    /// pixel, has come: a bar, or lines in the log where standard error is no terminal; silent if
+    /// `quiet`.
+    pub(crate) fn progress(&self, total: u64, pixels: u64) -> Progress {
         let target =
             if self.quiet { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
         let bar = ProgressBar::with_draw_target(Some(total), target);
@@ -109,27 +115,119 @@ impl Report {
                     }),
             );
         }
-        Progress { bar, first_pass: AtomicBool::new(false) }
+        let lines = !self.quiet && !std::io::stderr().is_terminal();
+        Progress {
+            bar,
+            pixels,
+            first_pass: AtomicBool::new(false),
+            log: lines.then(|| ProgressLog::start(total, pixels)),
+        }
+    }
+}
+
+/// Seconds from the start of a render to the first line about its progress.
+const FIRST_LINE: f64 = 2.0;
+
+/// When the line after one at `elapsed` seconds is due: every 10 s at first, ever more rarely in
+/// long renders, every 10 minutes at last.
+fn next_line(elapsed: f64) -> f64 {
+    elapsed + (elapsed * 0.25).clamp(10.0, 600.0)
+}
+
+/// Seconds for people.
+fn duration(seconds: f64) -> String {
+    // Casts saturate: what is longer than all time is shown as a long time.
+    let s = seconds.round().max(0.0) as u64;
+    match s {
+        0..60 => format!("{s} s"),
+        60..3600 => format!("{} min {:02} s", s / 60, s % 60),
+        _ => format!("{} h {:02} min", s / 3600, s / 60 % 60),
+    }
+}
+
+/// How far a render has come after `elapsed` seconds, with an estimate of the rest as long as
+/// samples take.
+fn progress_line(done: u64, total: u64, pixels: u64, elapsed: f64) -> String {
+    let (done, all) = (done as f64, total as f64);
+    let per_pixel = |n: f64| n / pixels.max(1) as f64;
+    let rest = match done {
+        0.0 => "rest unknown".to_owned(),
+        _ => format!("about {} left", duration(elapsed * (all - done) / done)),
+    };
+    format!(
+        "rendering: {:.1} %, {:.1} of {} samples per pixel, {} elapsed, {rest}",
+        100.0 * done / all.max(1.0),
+        per_pixel(done),
+        per_pixel(all),
+        duration(elapsed)
+    )
+}
+
+/// Lines about a running render, from a thread of their own, so that they come also while no tile
+/// gets done.
+struct ProgressLog {
+    done: Arc<AtomicU64>,
+    /// Dropped to end the thread.
+    stop: Option<Sender<()>>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl ProgressLog {
+    fn start(total: u64, pixels: u64) -> ProgressLog {
+        let done = Arc::new(AtomicU64::new(0));
+        let (stop, stopped) = channel::<()>();
+        let (begun, read) = (Instant::now(), Arc::clone(&done));
+        let lines = move || {
+            let mut due = FIRST_LINE;
+            loop {
+                let wait = Duration::from_secs_f64((due - begun.elapsed().as_secs_f64()).max(0.0));
+                if stopped.recv_timeout(wait) != Err(RecvTimeoutError::Timeout) {
+                    return;
+                }
+                let elapsed = begun.elapsed().as_secs_f64();
+                let line = progress_line(read.load(Ordering::Relaxed), total, pixels, elapsed);
+                tracing::info!("{line}");
+                due = next_line(elapsed);
+            }
+        };
+        // Without a thread there are no lines: no reason not to render.
+        let thread = std::thread::Builder::new().name("progress".into()).spawn(lines).ok();
+        ProgressLog { done, stop: Some(stop), thread }
+    }
+}
+
+impl Drop for ProgressLog {
+    fn drop(&mut self) {
+        self.stop = None;
+        if let Some(thread) = self.thread.take() {
+            // A thread that panicked has said so.
+            let _ = thread.join();
+        }
     }
 }
 
 /// A running render on the screen.
 pub(crate) struct Progress {
     bar: ProgressBar,
+    pixels: u64,
     first_pass: AtomicBool,
+    log: Option<ProgressLog>,
 }
 
 impl Progress {
-    /// Says how many samples are done; `pixels` is the number of samples in the first pass.
-    pub(crate) fn set(&self, done: u64, pixels: u64) {
+    /// Says how many pixel samples are done.
+    pub(crate) fn set(&self, done: u64) {
         self.bar.set_position(done);
-        if done > pixels && !self.first_pass.swap(true, Ordering::Relaxed) {
+        if let Some(log) = &self.log {
+            log.done.fetch_max(done, Ordering::Relaxed);
+        }
+        if done > self.pixels && !self.first_pass.swap(true, Ordering::Relaxed) {
             tracing::debug!("the first sample of every pixel is done");
         }
     }
 
-    /// Takes the bar off the screen.
-    pub(crate) fn finish(&self) {
+    /// Takes the bar off the screen, and ends the lines.
+    pub(crate) fn finish(self) {
         self.bar.finish_and_clear();
     }
 }
@@ -207,5 +305,28 @@ struct Fancy<'a> {
 impl fmt::Display for Fancy<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.handler.debug(self.shown, f)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn progress_lines_are_few_and_tell_what_is_left() {
+        assert_eq!(
+            progress_line(3200, 12800, 100, 30.0),
+            "rendering: 25.0 %, 32.0 of 128 samples per pixel, 30 s elapsed, about 1 min 30 s left"
+        );
+        assert!(progress_line(0, 12800, 100, 7300.0).ends_with("2 h 01 min elapsed, rest unknown"));
+        let lines = |length: f64| {
+            let mut times = vec![FIRST_LINE];
+            while let Some(last) = times.last().filter(|last| **last < length) {
+                times.push(next_line(*last));
+            }
+            times.len()
+        };
+        assert_eq!((lines(1.0), lines(40.0)), (1, 5));
+        assert!(lines(3600.0) < 30 && lines(86_400.0) < 180);
     }
 }

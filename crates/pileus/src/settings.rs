@@ -7,7 +7,9 @@ use std::time::Instant;
 
 use glam::{DVec3, Vec3};
 use pileus_film::{Crop, Filter};
-use pileus_integrator::{Distance, RenderSettings, ShadowRoulette, Transmittance};
+use pileus_integrator::{
+    DEFAULT_MAX_EVENTS, Distance, RenderSettings, ShadowRoulette, Transmittance,
+};
 use pileus_media::MajorantStructure;
 use pileus_media::distance::DistanceSampler;
 use pileus_media::transmittance::Estimator;
@@ -407,6 +409,7 @@ fn sampling(job: &Job, filter: Filter, places: &Places) -> Result<RenderSettings
         spp,
         seed,
         max_bounces,
+        max_events,
         transmittance,
         distance,
         majorants,
@@ -449,6 +452,13 @@ fn sampling(job: &Job, filter: Filter, places: &Places) -> Result<RenderSettings
             "give a positive number; 1 keeps the proven bounds",
         ));
     }
+    if max_events == Some(Some(0)) {
+        return Err(places.invalid(
+            "/sampling/max_events",
+            "at most 0 events on a path",
+            "give at least 1; null is unlimited, and 1048576 the default",
+        ));
+    }
     if let Some(most) = clamp.filter(|most| !(*most > 0.0 && most.is_finite())) {
         return Err(places.invalid(
             "/sampling/clamp",
@@ -460,6 +470,7 @@ fn sampling(job: &Job, filter: Filter, places: &Places) -> Result<RenderSettings
         samples: 0..spp,
         seed: seed.unwrap_or(0),
         max_bounces,
+        max_events: max_events.unwrap_or(Some(DEFAULT_MAX_EVENTS)),
         filter,
         transmittance: match transmittance.unwrap_or_default() {
             TransmittanceSpec::Auto => Transmittance::Auto,

@@ -10,7 +10,7 @@ use super::{Collision, Flown, Leg, Media, MediaIndex, Met, Methods, Ray, Shadow,
 use glam::{DVec3, Vec3};
 use pileus_media::distance::{
     DistanceSampler, Flight, WeightedFlight, delta_tracking, delta_tracking_by_mean,
-    real_probability, spectral_tracking,
+    real_probability, regular_flight, spectral_tracking,
 };
 use pileus_media::flakes::{FlakeRay, Flakes};
 use pileus_media::random::{exponential, happens};
@@ -252,6 +252,28 @@ fn endless(medium: &Medium, ray: &Ray, t_max: f64) -> bool {
             .is_some_and(|(_, length)| length == f32::INFINITY)
 }
 
+/// Optical depth of the strongest channel, and its extinction over the weakest one's, above which a
+/// leg through a homogeneous medium is not walked.
+const MAX_WALKED_DEPTH: f64 = 256.0;
+
+/// The strongest channel's optical depth of a leg through a homogeneous medium whose channels
+/// differ so much that a walk by the strongest one's collisions, which are null for the others,
+/// would be very long: there flights and transmittances are closed forms, and weights leave the way
+/// out on both sides. `None` elsewhere.
+pub(super) fn too_long_to_walk(medium: &Medium, ray: &Ray, t_max: f64) -> Option<f64> {
+    let Medium::Homogeneous(medium) = medium else {
+        return None;
+    };
+    let uneven = |s: f32| s > 0.0 && f64::from(s) * MAX_WALKED_DEPTH < 1.0;
+    if medium.is_grey() || !medium.relative_extinction().to_array().into_iter().any(uneven) {
+        return None;
+    }
+    let (_, length) = medium.span(ray.origin, ray.direction, t_max)?;
+    let shown = medium.phase().flakes().map_or(1.0, |flakes| flakes.largest_area(ray.direction));
+    let depth = f64::from(medium.scale() * shown) * f64::from(length);
+    (depth > MAX_WALKED_DEPTH).then_some(depth)
+}
+
 /// A flight through one field.
 struct FlyAlone<'r, R> {
     /// Majorant depth of the first collision.
@@ -356,6 +378,12 @@ impl<'a> Overlapping<'a> {
             return Some(Shadow { transmittance: factor, null_probability: factor });
         }
         let relative = medium.relative_extinction();
+        if let Some(depth) = too_long_to_walk(medium, ray, t_max) {
+            let passed =
+                |s: f32| if s > 0.0 { libm::exp(-f64::from(s) * depth) as f32 } else { 1.0 };
+            let transmittance = Spectrum::map(relative, passed);
+            return Some(Shadow { transmittance, ..Shadow::CLEAR });
+        }
         if endless(medium, ray, t_max) {
             let clear = |s: f32| if s > 0.0 { 0.0 } else { 1.0 };
             let transmittance = Spectrum::map(relative, clear);
@@ -468,6 +496,47 @@ impl<'a> Overlapping<'a> {
         nearest
     }
 
+    /// Flies past media that are not walked: the nearest of their collisions, each by a closed form
+    /// of its own, ends the flight if nothing does before. The weights of all count, since those
+    /// that flew further stand for the transmittance up to there.
+    #[inline(never)]
+    fn fly_past_long<R: Rng>(
+        &self,
+        (ray, t_max): (&Ray, f64),
+        met: &Met,
+        first: Option<f32>,
+        flown: &mut Flown<f32>,
+        rng: &mut R,
+        tally: &mut Tally,
+    ) -> Option<Collision> {
+        let mut nearest: Option<Collision> = None;
+        let mut others = Met::new();
+        for &index in met {
+            let medium = &self.media[index as usize];
+            let entry = match too_long_to_walk(medium, ray, t_max) {
+                Some(_) => Entry::new(medium, ray, t_max),
+                None => None,
+            };
+            let Some(entry) = entry else {
+                others.push(index);
+                continue;
+            };
+            let channels = Relative(medium.relative_extinction());
+            let drawn = exponential(rng);
+            let flight = regular_flight(&entry.field(), channels, flown.beta, drawn, rng, tally);
+            flown.beta *= flight.weight;
+            if let Flight::Collision(t) = flight.flight {
+                let t = entry.t() + f64::from(t);
+                if nearest.is_none_or(|nearest| t < nearest.t) {
+                    nearest = Some(Collision { t, medium: index as usize });
+                }
+            }
+        }
+        let t_max = nearest.map_or(t_max, |nearest| nearest.t);
+        let collision = self.fly_past(&others, (ray, t_max), first, flown, rng, tally);
+        collision.or(nearest)
+    }
+
     /// Light sampling takes these transmittances in closed form; path sampling had to survive them.
     fn count_closed_forms(&self, met: &Met, ray: &Ray, t_max: f64, flown: &mut Flown<f32>) {
         for &index in met {
@@ -477,28 +546,23 @@ impl<'a> Overlapping<'a> {
             }
         }
     }
-}
 
-impl Media for Overlapping<'_> {
-    type Nulls = f32;
-    type Others = Together;
-
-    fn flight<R: Rng>(
+    /// Flies past the media of `met`, all by the plan's sampler.
+    #[inline]
+    fn fly_past<R: Rng>(
         &self,
-        Leg { ray, t_max, .. }: Leg<'_>,
-        first: Option<[f32; 2]>,
+        met: &Met,
+        (ray, t_max): (&Ray, f64),
+        first: Option<f32>,
         flown: &mut Flown<f32>,
-        _: &mut Together,
         rng: &mut R,
         tally: &mut Tally,
     ) -> Option<Collision> {
-        let first = first.map(|[depth, _]| depth);
-        let met = self.index.along(ray, t_max);
-        let mut ahead = self.ahead(&met, ray, t_max);
+        let mut ahead = self.ahead(met, ray, t_max);
         if !matches!(self.methods.distance, DistanceSampler::Spectral | DistanceSampler::Delta) {
             let collision = self.fly_each((ray, t_max), ahead, first, flown, rng, tally);
             if collision.is_none() {
-                self.count_closed_forms(&met, ray, t_max, flown);
+                self.count_closed_forms(met, ray, t_max, flown);
             }
             return collision;
         }
@@ -574,9 +638,32 @@ impl Media for Overlapping<'_> {
             tally.majorant_steps += walker.walk.field().steps();
         }
         if collision.is_none() {
-            self.count_closed_forms(&met, ray, t_max, flown);
+            self.count_closed_forms(met, ray, t_max, flown);
         }
         collision
+    }
+}
+
+impl Media for Overlapping<'_> {
+    type Nulls = f32;
+    type Others = Together;
+
+    fn flight<R: Rng>(
+        &self,
+        Leg { ray, t_max, .. }: Leg<'_>,
+        first: Option<[f32; 2]>,
+        flown: &mut Flown<f32>,
+        _: &mut Together,
+        rng: &mut R,
+        tally: &mut Tally,
+    ) -> Option<Collision> {
+        let first = first.map(|[depth, _]| depth);
+        let met = self.index.along(ray, t_max);
+        let long = |&i: &u32| too_long_to_walk(&self.media[i as usize], ray, t_max).is_some();
+        if met.iter().any(long) {
+            return self.fly_past_long((ray, t_max), &met, first, flown, rng, tally);
+        }
+        self.fly_past(&met, (ray, t_max), first, flown, rng, tally)
     }
 
     fn transmittance<R: Rng>(

@@ -4,10 +4,12 @@
 //! parts of a ray. A ray that starts at a particle of a medium is correlated with that medium alone; light, cameras and surfaces are not correlated
 //! with any. Laws that are mixtures of exponential ones run the ordinary trackers and estimators with an extinction times a drawn rate; others invert the depth exactly.
 
-use super::overlapping::Entry;
+use super::overlapping::{Entry, too_long_to_walk};
 use super::{Collision, Flown, Leg, Media, Overlapping, Ray, Shadow, Start, Together};
 use glam::{DVec3, Vec3};
-use pileus_media::distance::{DistanceSampler, Flight, WeightedFlight, regular_flight_under_law};
+use pileus_media::distance::{
+    DistanceSampler, Flight, WeightedFlight, regular_flight, regular_flight_under_law,
+};
 use pileus_media::law::{self, Law, Passage};
 use pileus_media::random::exponential;
 use pileus_media::transmittance::{
@@ -42,7 +44,7 @@ impl UnderLaw<'_> {
     /// A flight through one medium, as if no other were there.
     fn fly<R: Rng>(
         &self,
-        (medium, entry, start): (usize, &Entry<'_>, Start),
+        (medium, entry, start, long): (usize, &Entry<'_>, Start, bool),
         beta: Vec3,
         first: Option<f32>,
         rng: &mut R,
@@ -52,6 +54,10 @@ impl UnderLaw<'_> {
         let channels = Relative(medium.relative_extinction());
         let sampler = self.plain.methods.distance;
         let Some(law) = medium.law() else {
+            if long {
+                let drawn = first.unwrap_or_else(|| exponential(rng));
+                return regular_flight(&entry.field(), channels, beta, drawn, rng, tally);
+            }
             return sampler.fly(entry.field(), channels, beta, first, rng, tally);
         };
         let passage = passage(law, start, number);
@@ -120,7 +126,8 @@ impl Media for UnderLaw<'_> {
             if nearest.is_some_and(|nearest| nearest.t < t_enter) {
                 break;
             }
-            let own = (medium, &entry, start);
+            let long = too_long_to_walk(&self.plain.media[medium], ray, t_max).is_some();
+            let own = (medium, &entry, start, long);
             let flight = self.fly(own, flown.beta, first.take(), rng, tally);
             flown.beta *= flight.weight;
             if let Flight::Collision(t) = flight.flight {

@@ -1,13 +1,13 @@
 //! `pileus check`.
 
 use crate::cli::InputOptions;
-use crate::command::{Prepared, prepare};
+use crate::command::{Prepared, prepare_without_paths};
 use crate::failure::Failure;
 use crate::report::Report;
 use crate::settings::Overrides;
 
 pub(crate) fn run(options: &InputOptions, report: &Report) -> Result<(), Failure> {
-    let Prepared { settings, loaded, .. } = prepare(options, &Overrides::default())?;
+    let Prepared { settings, loaded, .. } = prepare_without_paths(options, &Overrides::default())?;
     // What only the film can refuse, a crop outside the image for one.
     pileus_film::Film::new(loaded.scene.camera.resolution(), settings.crop)?;
     let [width, height] = loaded.scene.camera.resolution();

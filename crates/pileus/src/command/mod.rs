@@ -9,8 +9,8 @@ pub(crate) mod probe;
 pub(crate) mod render;
 pub(crate) mod schema;
 
-use pileus_integrator::Plan;
-use pileus_scene::{Loaded, VolumeSource};
+use pileus_integrator::{Plan, RenderSettings};
+use pileus_scene::{Loaded, Scene, VolumeSource};
 
 use crate::cli::InputOptions;
 use crate::failure::Failure;
@@ -24,8 +24,25 @@ pub(crate) struct Prepared {
     pub(crate) plan: Plan,
 }
 
-/// Resolves and loads what a command was given, and logs what was chosen or left out.
+/// Resolves and loads what a command was given, plans it, and logs what was chosen, left out or is
+/// probably not meant.
 pub(crate) fn prepare(input: &InputOptions, overrides: &Overrides) -> Result<Prepared, Failure> {
+    prepare_by(Plan::new, input, overrides)
+}
+
+/// As [`prepare`], without tracing a path: it takes as long as loading does.
+pub(crate) fn prepare_without_paths(
+    input: &InputOptions,
+    overrides: &Overrides,
+) -> Result<Prepared, Failure> {
+    prepare_by(Plan::without_paths, input, overrides)
+}
+
+fn prepare_by(
+    planned: fn(&Scene, &RenderSettings) -> Result<Plan, pileus_integrator::Error>,
+    input: &InputOptions,
+    overrides: &Overrides,
+) -> Result<Prepared, Failure> {
     let input = Input::open(&input.input, &input.vdb_options())?;
     let mut settings = Settings::resolve(input, overrides)?;
     let loaded = settings.load()?;
@@ -49,10 +66,16 @@ pub(crate) fn prepare(input: &InputOptions, overrides: &Overrides) -> Result<Pre
             );
         }
     }
-    let plan = Plan::new(&loaded.scene, &settings.render)?;
+    let plan = planned(&loaded.scene, &settings.render)?;
     // What the plan adds to what the files say.
     for item in plan.not_modelled.iter().skip(loaded.scene.not_modelled.len()) {
         tracing::warn!("not modelled: {item}");
+    }
+    for warning in &plan.warnings {
+        tracing::warn!("{warning}");
+    }
+    for limit in &plan.biased {
+        tracing::info!("biased: {limit}");
     }
     Ok(Prepared { settings, loaded, plan })
 }

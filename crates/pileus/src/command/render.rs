@@ -2,7 +2,6 @@
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use pileus_film::{ExrSettings, Film, ToneMap, write_atomically, write_exr, write_png};
@@ -11,31 +10,30 @@ use pileus_integrator::{Monitor, PathCost};
 use crate::cli::RenderOptions;
 use crate::command::{Prepared, prepare};
 use crate::failure::Failure;
-use crate::machine;
+use crate::machine::Signals;
 use crate::record::{PlanAndCost, Seconds, Stats, VERSION, metadata};
 use crate::report::{Progress, Report};
 use crate::settings::Outputs;
 
 struct Watch<'a> {
-    interrupted: &'a AtomicBool,
+    signals: &'a Signals,
     progress: &'a Progress,
-    pixels: u64,
 }
 
 impl Monitor for Watch<'_> {
     fn cancelled(&self) -> bool {
-        self.interrupted.load(Ordering::Relaxed)
+        self.signals.came()
     }
 
     fn progress(&self, done: u64, _total: u64) {
-        self.progress.set(done, self.pixels);
+        self.progress.set(done);
     }
 }
 
 pub(crate) fn run(options: &RenderOptions, report: &Report) -> Result<(), Failure> {
     let start = Instant::now();
-    let interrupted = machine::interrupted();
-    let Prepared { settings, loaded, plan } = prepare(&options.input, &options.overrides())?;
+    let signals = Signals::handled();
+    let Prepared { settings, loaded, mut plan } = prepare(&options.input, &options.overrides())?;
     let scene = &loaded.scene;
     check_outputs(&settings.outputs)?;
     tracing::debug!("plan:\n{plan}");
@@ -46,23 +44,33 @@ pub(crate) fn run(options: &RenderOptions, report: &Report) -> Result<(), Failur
     let crop = film.crop();
     let pixels = u64::from(crop.width) * u64::from(crop.height);
     let spp = settings.render.samples.end - settings.render.samples.start;
-    let progress = report.progress(pixels.saturating_mul(spp));
-    let watch = Watch { interrupted, progress: &progress, pixels };
+    let progress = report.progress(pixels.saturating_mul(spp), pixels);
+    let watch = Watch { signals, progress: &progress };
     let sampling = Instant::now();
+    signals.wait_for_the_first();
     let counters = pileus_integrator::render(scene, &plan, &settings.render, &mut film, &watch);
     seconds.render = sampling.elapsed().as_secs_f64();
     progress.finish();
     let counters = counters?;
     if film.samples() == 0 {
-        return Err(Failure::Interrupted(
-            "stopped before the first sample: nothing was written".into(),
-        ));
+        return Err(Failure::Interrupted {
+            what: "stopped before every pixel had a sample: nothing was written".into(),
+            exit: signals.exit(),
+        });
     }
     if film.samples() < 2 {
         tracing::warn!("one sample per pixel: the variance is not known and written as infinite");
     }
     if counters.violations > 0 && settings.render.majorant_scale >= 1.0 {
         tracing::error!("{} lookups exceeded their majorant: this is a bug", counters.violations);
+    }
+    plan.settle(&counters);
+    if counters.cut_by_max_events > 0 {
+        tracing::warn!(
+            "{} of {} paths were cut by sampling.max_events: what they would have brought is missing",
+            counters.cut_by_max_events,
+            counters.paths
+        );
     }
     if counters.dropped > 0 {
         tracing::warn!("{} samples were not finite and are left out", counters.dropped);
@@ -123,12 +131,14 @@ pub(crate) fn run(options: &RenderOptions, report: &Report) -> Result<(), Failur
     if let Some(predicted) = plan.predicted {
         tracing::info!("expected: {predicted}");
     }
-    if was_interrupted {
-        return Err(Failure::Interrupted(format!(
+    // Also when the last pass was done: who stops one render means those that would follow.
+    if was_interrupted || signals.came() {
+        let what = format!(
             "stopped after {} of {spp} samples per pixel; {} is written",
             film.samples(),
             outputs.image.display()
-        )));
+        );
+        return Err(Failure::Interrupted { what, exit: signals.exit() });
     }
     Ok(())
 }

@@ -2,6 +2,7 @@
 
 mod chart;
 mod clamped;
+mod endless;
 mod errors;
 mod images;
 mod info;
