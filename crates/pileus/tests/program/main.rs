@@ -5,6 +5,7 @@ mod errors;
 mod images;
 mod info;
 mod interrupt;
+mod others;
 mod probe;
 mod reference;
 
