@@ -216,6 +216,9 @@ pub struct InputOptions {
     /// OpenVDB only: the axis that points up in the file.
     #[arg(long, value_name = "AXIS")]
     pub up_axis: Option<UpAxisArgument>,
+    /// The camera of the scene to use, by the name of its node.
+    #[arg(long, value_name = "NAME")]
+    pub camera: Option<String>,
 }
 
 fn parse_scale(text: &str) -> Result<f64, String> {
@@ -285,6 +288,7 @@ impl RenderOptions {
             spp: self.spp,
             seed: self.seed,
             resolution: self.resolution,
+            camera: None,
         }
     }
 }

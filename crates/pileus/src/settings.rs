@@ -14,8 +14,9 @@ use pileus_media::MajorantStructure;
 use pileus_media::distance::DistanceSampler;
 use pileus_media::transmittance::Estimator;
 use pileus_scene::json::Document;
+use pileus_scene::uri::resolve_path;
 use pileus_scene::volume::DefaultScale;
-use pileus_scene::volume_spec::{DensitySpec, Rgb, VolumeSpec};
+use pileus_scene::volume_spec::{AlbedoSpec, DensitySpec, Rgb, VolumeSpec};
 use pileus_scene::{
     CameraRequest, ClearSky, Environment, EnvironmentImage, Error, GlassRule, Light, Loaded, Place,
     Point, Scene, SceneRequest, Sun, VolumeSource,
@@ -47,6 +48,8 @@ pub struct Overrides {
     pub seed: Option<u64>,
     /// Width and height of the full image.
     pub resolution: Option<[u32; 2]>,
+    /// Name of a camera of the scene.
+    pub camera: Option<String>,
 }
 
 /// Which files are written.
@@ -161,7 +164,8 @@ impl Settings {
         let volumes = job.volumes.iter().flatten().map(|spec| {
             let mut spec = spec.clone();
             let whole = |_: &str, name: &str| {
-                Ok::<_, std::convert::Infallible>(base.join(name).to_string_lossy().into_owned())
+                let path = resolve_path(&base, name);
+                Ok::<_, std::convert::Infallible>(path.to_string_lossy().into_owned())
             };
             let Ok(()) = spec.resolve_files(whole);
             spec
@@ -170,7 +174,7 @@ impl Settings {
             render: sampling(&job, filter(&film, &places)?, &places)?,
             crop: crop(&film, &places)?,
             outputs,
-            gltf: job.scene.as_ref().map(|name| (base.join(name), lumens_per_watt)),
+            gltf: job.scene.as_ref().map(|name| (resolve_path(&base, name), lumens_per_watt)),
             volumes: volumes.collect(),
             camera: camera(job.camera.as_ref(), &places)?,
             lights,
@@ -242,9 +246,13 @@ impl Settings {
         // Volumes of the glTF file come first, see `Scene::load`.
         let own = self.job.volumes.iter_mut().flatten();
         for (spec, volume) in own.rev().zip(scene.volumes.iter().rev()) {
-            if let VolumeSource::Vdb { grid, density_scale, .. } = &volume.source {
+            if let VolumeSource::Vdb { grid, density_scale, fire, .. } = &volume.source {
                 spec.density =
                     Some(DensitySpec { grid: Some(grid.clone()), scale: Some(*density_scale) });
+                if let Some((emission, albedo)) = fire.as_deref() {
+                    spec.emission.get_or_insert_with(|| emission.clone());
+                    spec.albedo.get_or_insert(AlbedoSpec::Constant(Rgb::Grey(*albedo)));
+                }
             }
         }
     }
@@ -298,6 +306,9 @@ fn override_job(job: &mut Job, overrides: &Overrides) {
         let sampling = job.sampling.get_or_insert_default();
         sampling.spp = overrides.spp.or(sampling.spp);
         sampling.seed = overrides.seed.or(sampling.seed);
+    }
+    if overrides.camera.is_some() {
+        job.camera = Some(CameraSpec { node: overrides.camera.clone(), ..CameraSpec::default() });
     }
     if overrides.resolution.is_some() {
         job.film.get_or_insert_default().resolution = overrides.resolution;

@@ -1,6 +1,6 @@
 //! Puts a scene together from files and from what a job says.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -60,14 +60,15 @@ pub struct SceneRequest<'a> {
 /// Which camera to use.
 #[derive(Debug, Clone, PartialEq)]
 pub enum CameraRequest {
-    /// The first camera of the glTF file, or one that frames volumes and surfaces.
+    /// The first camera of the glTF file that can be rendered, or one that frames volumes and
+    /// surfaces.
     Auto {
         /// Vertical opening angle in degrees of a camera that frames volumes and surfaces.
         fov_y_degrees: f64,
     },
     /// The camera of a glTF node.
     Node {
-        /// Name of the node.
+        /// Name of the node, or else of the camera; `node 7` for one without names.
         name: String,
         /// Where it is named.
         place: Place,
@@ -94,6 +95,8 @@ pub struct Loaded {
     pub scene: Scene,
     /// What was chosen without being asked for, as sentences for people.
     pub notes: Vec<String>,
+    /// What is likely not meant so, as sentences for people.
+    pub warnings: Vec<String>,
     /// Seconds spent in reading files.
     pub seconds_load: f64,
     /// Seconds spent in building render grids.
@@ -115,9 +118,23 @@ impl Scene {
         let mut loader = VolumeLoader::default();
         loader.seconds_load = start.elapsed().as_secs_f64();
         let GltfSurfaces { surfaces, mut notes, .. } = surfaces;
+        let mut warnings = Vec::new();
+        if let Some(file) = &file {
+            notes.extend(file.notes.iter().cloned());
+            warnings.extend(file.warnings.iter().cloned());
+        }
         let volumes = load_volumes(&mut loader, &request, file.as_ref(), &mut notes)?;
-        let (camera, note) = choose_camera(&request, file.as_ref(), &volumes, surfaces.as_ref())?;
+        let nothing_seen = volumes.is_empty() && surfaces.is_none();
+        let lost = file.as_ref().and_then(|file| lost_properties(file, nothing_seen));
+        let (camera, note) = choose_camera(&request, file.as_ref(), &volumes, surfaces.as_ref())
+            .map_err(|error| with_hint(error, lost.as_deref()))?;
         notes.extend(note);
+        match lost {
+            // Surfaces may be all there is.
+            Some(hint) if !nothing_seen => notes.push(hint),
+            Some(hint) => warnings.push(hint),
+            None => {}
+        }
         let mut lights = request.lights;
         let mut not_modelled = Vec::new();
         if let Some(file) = file {
@@ -137,7 +154,7 @@ impl Scene {
             }
             None => Environment::default(),
         };
-        if volumes.is_empty() && surfaces.is_none() {
+        if nothing_seen {
             notes.push(
                 "there is no volume and no surface: the picture shows the environment alone".into(),
             );
@@ -152,6 +169,7 @@ impl Scene {
                 not_modelled,
             },
             notes,
+            warnings,
             seconds_load: loader.seconds_load,
             seconds_build: loader.seconds_build,
         })
@@ -263,6 +281,7 @@ fn load_volumes(
         }
         volumes.push(volume);
     }
+    notes.append(&mut loader.notes);
     for volume in &volumes {
         if matches!(volume.source, VolumeSource::Vdb { .. })
             && volume.medium.bounds_world().is_none()
@@ -295,14 +314,18 @@ fn choose_camera(
                 .map_err(|error| at(error, place))
         }
         CameraRequest::Node { name, place } => {
-            let Some(camera) = cameras.iter().find(|camera| camera.node == *name) else {
-                let names: Vec<String> = cameras.iter().map(|c| format!("`{}`", c.node)).collect();
+            let find = |names: &dyn Fn(&GltfCamera) -> bool| cameras.iter().find(|c| names(c));
+            let found = find(&|camera| camera.node == *name)
+                .or_else(|| find(&|camera| camera.name == *name))
+                .or_else(|| find(&|camera| label(camera) == *name));
+            let Some(camera) = found.filter(|_| !name.is_empty()) else {
+                let names: Vec<String> = cameras.iter().map(label).collect();
                 let remedy = match (file, names.is_empty()) {
                     (None, _) => "the job names no glTF scene; add `scene`".to_owned(),
                     (_, true) => {
                         "the scene has no cameras; give `position` and `look_at`".to_owned()
                     }
-                    _ => format!("the scene's cameras are {}", names.join(", ")),
+                    _ => format!("the scene's cameras are {}", gltf::list_names(&names)),
                 };
                 return Err(Error::missing(
                     place.clone(),
@@ -313,12 +336,14 @@ fn choose_camera(
             gltf_camera(camera, request, place).map(|camera| (camera, None))
         }
         CameraRequest::Auto { fov_y_degrees } => {
-            if let (Some(camera), Some((path, _))) = (cameras.first(), &request.gltf) {
-                let place = Place::part(path, format!("camera `{}`", camera.node));
-                let note = format!("camera `{}` of the scene", camera.node);
-                return gltf_camera(camera, request, &place).map(|camera| (camera, Some(note)));
+            if let (false, Some((path, _))) = (cameras.is_empty(), &request.gltf) {
+                return first_camera(cameras, request, path)
+                    .map(|(camera, note)| (camera, Some(note)));
             }
             let Some(balls) = Balls::of(volumes, surfaces) else {
+                if let Some(error) = empty_volume(volumes) {
+                    return Err(error);
+                }
                 let place = request.gltf.as_ref().map(|(path, _)| Place::file(path));
                 return Err(Error::missing(
                     place.unwrap_or_default(),
@@ -338,6 +363,96 @@ fn choose_camera(
     }
 }
 
+/// What a camera of a glTF file is called in messages.
+fn label(camera: &GltfCamera) -> String {
+    let names = [&camera.node, &camera.name].into_iter().find(|name| !name.is_empty());
+    names.map_or_else(|| format!("node {}", camera.index), String::clone)
+}
+
+/// The first camera that can be rendered, and a note about the choice.
+///
+/// Nothing in a glTF file marks the active camera, and some exporters list nodes by name.
+fn first_camera(
+    cameras: &[GltfCamera],
+    request: &SceneRequest<'_>,
+    path: &Path,
+) -> Result<(Camera, String), Error> {
+    let mut passed = Vec::new();
+    let mut first_error = None;
+    for camera in cameras {
+        let name = label(camera);
+        let place = Place::part(path, format!("camera `{name}`"));
+        let found = match gltf_camera(camera, request, &place) {
+            Ok(found) => found,
+            Err(error) => {
+                passed.push(name);
+                first_error.get_or_insert(error);
+                continue;
+            }
+        };
+        let mut note = format!("camera `{name}` of the scene");
+        if cameras.len() > 1 {
+            let others: Vec<String> =
+                cameras.iter().map(label).filter(|other| *other != name).collect();
+            note = format!(
+                "camera `{name}` is taken, the first of {} in the scene that can be rendered \
+                 (`--camera`, or `node` of the job's `camera`, takes another: {})",
+                cameras.len(),
+                gltf::list_names(&others)
+            );
+        }
+        if let Some(error) = &first_error {
+            let names = gltf::list_names(&passed);
+            note = format!("{note}; passed over: {names} ({})", error.what());
+        }
+        return Ok((found, note));
+    }
+    let error = first_error.unwrap_or_else(|| {
+        Error::missing(Place::file(path), "the scene has no camera", "add a camera")
+    });
+    if cameras.len() == 1 {
+        return Err(error);
+    }
+    Err(Error::unsupported(
+        Place::file(path),
+        format!("none of the scene's {} cameras can be rendered: {}", cameras.len(), error.what()),
+        "use a perspective camera",
+    ))
+}
+
+/// The error that a volume without any density is where nothing else can be framed.
+fn empty_volume(volumes: &[Volume]) -> Option<Error> {
+    volumes.iter().find_map(|volume| match &volume.source {
+        VolumeSource::Vdb { path, grid, .. } => Some(Error::invalid(
+            Place::part(path, format!("volume `{}`", volume.name)),
+            format!(
+                "grid `{grid}` is empty: it has no value above 0, so that there is nothing to frame"
+            ),
+            "take a frame in which there is density, name another grid, or give a camera",
+        )),
+        VolumeSource::Homogeneous => None,
+    })
+}
+
+/// The hint for a file by Blender that has no volumes: by default the exporter leaves out the
+/// custom properties that say what is a volume.
+fn lost_properties(file: &GltfScene, nothing_seen: bool) -> Option<String> {
+    let by_blender = file.generator.as_ref().is_some_and(|name| name.contains("Blender"));
+    (by_blender && file.volumes.is_empty() && (nothing_seen || file.has_empties)).then(|| {
+        "no node of the scene says that it is a volume: Blender exports the custom properties that do \
+         (`pileus_vdb`) only with \"Include: Custom Properties\" ticked"
+            .to_owned()
+    })
+}
+
+/// Adds a hint to the remedy of an error.
+fn with_hint(mut error: Error, hint: Option<&str>) -> Error {
+    if let (Some(hint), Error::Missing { remedy, .. }) = (hint, &mut error) {
+        *remedy = format!("{remedy}; {hint}");
+    }
+    error
+}
+
 fn gltf_camera(
     camera: &GltfCamera,
     request: &SceneRequest<'_>,
@@ -346,7 +461,7 @@ fn gltf_camera(
     let Some(fov_y_degrees) = camera.fov_y_degrees else {
         return Err(Error::unsupported(
             place.clone(),
-            format!("camera `{}` is orthographic", camera.node),
+            format!("camera `{}` is not a perspective camera", label(camera)),
             "use a perspective camera",
         ));
     };

@@ -30,7 +30,7 @@ impl EnvironmentImage {
                 "use a smaller image",
             ));
         }
-        let bytes = std::fs::read(path).map_err(io)?;
+        let bytes = crate::file::read(path, MAX_FILE).map_err(io)?;
         let (width, height, mut texels) = if bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01]) {
             read_exr(&bytes, &place)?
         } else if bytes.starts_with(b"#?") {

@@ -152,6 +152,16 @@ impl Error {
         }
     }
 
+    /// What is wrong, without its place.
+    pub(crate) fn what(&self) -> String {
+        match self {
+            Self::Invalid { what, .. }
+            | Self::Unsupported { what, .. }
+            | Self::Missing { what, .. } => what.clone(),
+            other => other.to_string(),
+        }
+    }
+
     /// Where it happened.
     pub fn place(&self) -> &Place {
         match self {

@@ -1,21 +1,31 @@
 //! Reads what Pileus renders out of a glTF 2.0 file: cameras, punctual lights, volumes, surfaces.
 //!
-//! [`load`] and [`parse`] need the JSON part of a file alone; [`load_with_surfaces`] and
-//! [`parse_with_surfaces`] read its buffers and images as well. What is left out is listed.
+//! [`load`] and [`parse`] need the JSON part of a file alone (and the buffers that place instances
+//! of volumes and lights); [`load_with_surfaces`] and [`parse_with_surfaces`] read its buffers and
+//! images as well. What is left out is listed.
 
+use std::collections::BTreeSet;
 use std::f32::consts::{FRAC_PI_4, PI};
+use std::fs::File;
+use std::io::Read;
 use std::path::Path;
+use std::sync::Arc;
 
 use glam::{DAffine3, DMat3, DQuat, DVec3, Vec3};
 use gltf::json;
+use serde_json::{Map, Value};
 
 use crate::error::{Error, Place};
+use crate::gltf_accessor::Accessors;
+use crate::gltf_buffer::Buffers;
+use crate::gltf_instances::{INSTANCING, instances};
 use crate::gltf_material;
-use crate::gltf_mesh::{self, INSTANCING};
+use crate::gltf_mesh;
 pub use crate::gltf_mesh::{GltfMesh, GltfSurfaces};
+use crate::gltf_pose::default_weights;
 use crate::gltf_texture;
-use crate::gltf_volume::{EXTENSION, volume_of_node};
-use crate::json::Document;
+use crate::gltf_volume::{EXTENSION, KEPT, volume_of_node};
+use crate::json::{Document, acceptable_gltf};
 use crate::light::{Light, Point, Spot, Sun};
 use crate::surface::GlassRule;
 use crate::volume_spec::VolumeSpec;
@@ -33,6 +43,17 @@ pub struct GltfScene {
     pub meshes: Vec<GltfMesh>,
     /// What it contains and this version leaves out, as sentences.
     pub not_modelled: Vec<String>,
+    /// What was chosen in it, as sentences for people.
+    pub notes: Vec<String>,
+    /// What is likely not meant so, as sentences for people.
+    pub warnings: Vec<String>,
+    /// The program that wrote it, by its own name.
+    pub generator: Option<String>,
+    /// Whether it has nodes that hold nothing: an empty that lost its properties, perhaps.
+    pub has_empties: bool,
+    /// World transforms of the nodes, if a mesh is placed by the joints of a skin; `None` for nodes
+    /// that are not part of the scene.
+    pub(crate) transforms: Vec<Option<DAffine3>>,
     /// Numbers of things in the file, for `info`.
     pub counts: GltfCounts,
 }
@@ -42,6 +63,10 @@ pub struct GltfScene {
 pub struct GltfCamera {
     /// Name of its node; empty if it has none.
     pub node: String,
+    /// Number of its node in the file.
+    pub index: usize,
+    /// Name of the camera itself; empty if it has none.
+    pub name: String,
     /// From the camera's space (it looks along -Z) to the world.
     pub to_world: DAffine3,
     /// Full vertical opening angle in degrees; `None` for an orthographic camera.
@@ -55,9 +80,9 @@ pub struct GltfCamera {
 pub struct GltfVolume {
     /// Name of its node; empty if it has none.
     pub node: String,
-    /// What the node says; its file names are resolved.
-    pub spec: VolumeSpec,
-    /// World transform of the node.
+    /// What the node says; its file names are resolved. Instances of a node share it.
+    pub spec: Arc<VolumeSpec>,
+    /// World transform of the node, or of its instance.
     pub to_world: DAffine3,
     /// Where the specification stands, a JSON pointer.
     pub pointer: String,
@@ -82,15 +107,24 @@ const MAX_JSON: u64 = 64 << 20;
 /// Largest .glb file.
 const MAX_GLB: u64 = 4 << 30;
 
+/// The extension that hides nodes with all that is below them.
+const VISIBILITY: &str = "KHR_node_visibility";
+
 /// Extensions that are modelled, besides those of materials. `KHR_mesh_quantization` only allows
-/// more types of components.
-const MODELLED: [&str; 5] = [
+/// more types of components, `KHR_animation_pointer` more targets of animations, which are not
+/// played.
+const MODELLED: [&str; 7] = [
     EXTENSION,
     INSTANCING,
+    "KHR_animation_pointer",
     "KHR_lights_punctual",
     "KHR_mesh_quantization",
+    VISIBILITY,
     "KHR_texture_transform",
 ];
+
+/// Names that a list in a message shows.
+const SHOWN: usize = 8;
 
 fn is_modelled(extension: &str) -> bool {
     MODELLED.contains(&extension) || gltf_material::MODELLED.contains(&extension)
@@ -117,15 +151,27 @@ pub fn load_with_surfaces(
 
 fn read(path: &Path) -> Result<Vec<u8>, Error> {
     let io = |source| Error::io(Place::file(path), source);
-    let length = std::fs::metadata(path).map_err(io)?.len();
-    if length > MAX_GLB {
-        return Err(Error::unsupported(
+    let large = |length: u64| {
+        Error::unsupported(
             Place::file(path),
-            format!("the file has {length} bytes"),
+            format!("the file has {length} bytes or more"),
             "split the scene: files of up to 4 GiB are read",
-        ));
+        )
+    };
+    let file = File::open(path).map_err(io)?;
+    let metadata = file.metadata().map_err(io)?;
+    // This file the user names himself: it may come through a pipe, whose length is not known.
+    let (length, limit) =
+        if metadata.is_file() { (metadata.len(), MAX_GLB) } else { (0, MAX_JSON) };
+    if length > limit {
+        return Err(large(length));
     }
-    std::fs::read(path).map_err(io)
+    let mut bytes = Vec::with_capacity(usize::try_from(length).unwrap_or(0));
+    file.take(limit + 1).read_to_end(&mut bytes).map_err(io)?;
+    if bytes.len() as u64 > limit {
+        return Err(large(bytes.len() as u64));
+    }
+    Ok(bytes)
 }
 
 /// Reads a glTF file from its bytes; `path` names it and is what its files are relative to.
@@ -136,8 +182,8 @@ pub fn parse(
 ) -> Result<GltfScene, Error> {
     let parts = Parts::split(path.as_ref(), bytes)?;
     let document = Document::new(path.as_ref(), parts.json);
-    let root = read_root(&document)?;
-    walk(&document, &root, lumens_per_watt)
+    let (root, animations) = read_root(&document)?;
+    walk(&document, &root, parts.bin, animations, lumens_per_watt)
 }
 
 /// As [`parse`], and reads surfaces as [`load_with_surfaces`].
@@ -149,15 +195,18 @@ pub fn parse_with_surfaces(
 ) -> Result<(GltfScene, GltfSurfaces), Error> {
     let parts = Parts::split(path.as_ref(), bytes)?;
     let document = Document::new(path.as_ref(), parts.json);
-    let root = read_root(&document)?;
-    let mut scene = walk(&document, &root, lumens_per_watt)?;
-    let surfaces = gltf_mesh::load(&document, &root, parts.bin, &scene.meshes, rule)?;
+    let (root, animations) = read_root(&document)?;
+    let mut scene = walk(&document, &root, parts.bin, animations, lumens_per_watt)?;
+    let surfaces = gltf_mesh::load(&document, &root, parts.bin, &scene, rule)?;
     scene.not_modelled.extend(surfaces.not_modelled.iter().cloned());
     Ok((scene, surfaces))
 }
 
-fn read_root(document: &Document) -> Result<json::Root, Error> {
-    let root: json::Root = document.parse()?;
+/// The file without its animations, and how many these are.
+fn read_root(document: &Document) -> Result<(json::Root, usize), Error> {
+    document.check_syntax()?;
+    let (text, animations) = acceptable_gltf(document.text());
+    let root: json::Root = document.parse_edited(&text)?;
     if !root.asset.version.starts_with("2.") {
         return Err(Error::unsupported(
             document.place("/asset/version"),
@@ -166,10 +215,16 @@ fn read_root(document: &Document) -> Result<json::Root, Error> {
         ));
     }
     check_required(document, &root)?;
-    Ok(root)
+    Ok((root, animations))
 }
 
-fn walk(document: &Document, root: &json::Root, lumens_per_watt: f64) -> Result<GltfScene, Error> {
+fn walk(
+    document: &Document,
+    root: &json::Root,
+    bin: Option<&[u8]>,
+    animations: usize,
+    lumens_per_watt: f64,
+) -> Result<GltfScene, Error> {
     if !(lumens_per_watt > 0.0 && lumens_per_watt.is_finite()) {
         return Err(Error::invalid(
             Place::part(document.path(), "lumens_per_watt"),
@@ -177,29 +232,39 @@ fn walk(document: &Document, root: &json::Root, lumens_per_watt: f64) -> Result<
             "use a number above 0; 683 is the default",
         ));
     }
+    let buffers = Buffers::new(document, root, bin);
     let mut walk = Walk {
         document,
         root,
+        accessors: Accessors::new(&buffers),
         lumens_per_watt,
+        transforms: vec![None; root.nodes.len()],
+        hidden: 0,
+        flat: Vec::new(),
+        kept: BTreeSet::new(),
         scene: GltfScene {
             cameras: Vec::new(),
             lights: Vec::new(),
             volumes: Vec::new(),
             meshes: Vec::new(),
             not_modelled: Vec::new(),
+            notes: Vec::new(),
+            warnings: Vec::new(),
+            generator: root.asset.generator.clone(),
+            has_empties: false,
+            transforms: Vec::new(),
             counts: GltfCounts {
                 nodes: root.nodes.len(),
                 meshes: root.meshes.len(),
                 materials: root.materials.len(),
                 textures: root.textures.len(),
-                animations: root.animations.len(),
+                animations,
                 skins: root.skins.len(),
             },
         },
     };
     walk.run()?;
-    let mut scene = walk.scene;
-    list_not_modelled(root, &mut scene);
+    let scene = walk.finish();
     Ok(scene)
 }
 
@@ -305,21 +370,35 @@ fn check_required(document: &Document, root: &json::Root) -> Result<(), Error> {
 struct Walk<'a> {
     document: &'a Document,
     root: &'a json::Root,
+    accessors: Accessors<'a>,
     lumens_per_watt: f64,
+    /// World transforms of the nodes that were visited.
+    transforms: Vec<Option<DAffine3>>,
+    /// Nodes that hide themselves and what is below them.
+    hidden: usize,
+    /// Names of nodes whose volume or light is scaled to nothing.
+    flat: Vec<String>,
+    /// Names of extensions that `extras` keep and that are not read there.
+    kept: BTreeSet<String>,
     scene: GltfScene,
+}
+
+/// A node's `extras` as far as they can mean something here: an object.
+fn object(extras: &json::Extras) -> Option<Map<String, Value>> {
+    extras.as_ref().and_then(|extras| serde_json::from_str(extras.get()).ok())
 }
 
 impl Walk<'_> {
     /// Visits every node of the default scene once, parents before children, in file order.
     fn run(&mut self) -> Result<(), Error> {
-        let mut stack: Vec<(usize, DAffine3)> = Vec::new();
+        let mut stack: Vec<(usize, DAffine3, bool)> = Vec::new();
         let mut roots = self.roots()?;
         roots.reverse();
-        stack.extend(roots.into_iter().map(|node| (node, DAffine3::IDENTITY)));
-        let mut visited = vec![false; self.root.nodes.len()];
-        while let Some((index, parent)) = stack.pop() {
+        stack.extend(roots.into_iter().map(|node| (node, DAffine3::IDENTITY, false)));
+        while let Some((index, parent, hidden)) = stack.pop() {
             let pointer = format!("/nodes/{index}");
-            let (Some(node), Some(seen)) = (self.root.nodes.get(index), visited.get_mut(index))
+            let (Some(node), Some(place)) =
+                (self.root.nodes.get(index), self.transforms.get(index))
             else {
                 return Err(Error::invalid(
                     self.document.place("/nodes"),
@@ -327,7 +406,7 @@ impl Walk<'_> {
                     "export the file again, its node tree is damaged",
                 ));
             };
-            if std::mem::replace(seen, true) {
+            if place.is_some() {
                 return Err(Error::invalid(
                     self.document.place(&pointer),
                     format!("node {index} has two parents or is its own ancestor"),
@@ -342,11 +421,86 @@ impl Walk<'_> {
                     "check the scales of the node and its parents",
                 ));
             }
-            self.visit(index, node, &to_world)?;
+            if let Some(place) = self.transforms.get_mut(index) {
+                *place = Some(to_world);
+            }
+            let extras = object(&node.extras);
+            // What is below a hidden node is hidden, whatever it says itself.
+            let hides = !hidden && !self.is_visible(&pointer, node, extras.as_ref())?;
+            self.hidden += usize::from(hides);
+            let hidden = hidden || hides;
+            self.visit(index, node, extras.as_ref(), &to_world, hidden)?;
             let children = node.children.as_deref().unwrap_or_default();
-            stack.extend(children.iter().rev().map(|child| (child.value(), to_world)));
+            stack.extend(children.iter().rev().map(|child| (child.value(), to_world, hidden)));
         }
         Ok(())
+    }
+
+    /// What a node says about its visibility (`KHR_node_visibility`).
+    fn is_visible(
+        &self,
+        pointer: &str,
+        node: &json::scene::Node,
+        extras: Option<&Map<String, Value>>,
+    ) -> Result<bool, Error> {
+        let own = node.extensions.as_ref().and_then(|e| e.others.get(VISIBILITY));
+        let kept = || extras.and_then(|extras| extras.get(KEPT)?.get(VISIBILITY));
+        match own.or_else(kept).and_then(|said| said.get("visible")) {
+            None => Ok(true),
+            Some(Value::Bool(visible)) => Ok(*visible),
+            Some(_) => Err(Error::invalid(
+                self.document.place(pointer),
+                format!("`visible` of {VISIBILITY} is not true or false"),
+                "export the file again",
+            )),
+        }
+    }
+
+    fn finish(mut self) -> GltfScene {
+        let count = |n: usize, one: &str, many: &str| match n {
+            1 => format!("1 {one}"),
+            _ => format!("{n} {many}"),
+        };
+        let scenes = self.root.scenes.len();
+        if scenes > 1 {
+            let index = self.root.scene.map_or(0, |scene| scene.value());
+            let name = self.root.scenes.get(index).and_then(|scene| scene.name.clone());
+            let name = name.map_or(String::new(), |name| format!(" `{name}`"));
+            self.scene.notes.push(format!("scene {index}{name} of {scenes} is rendered"));
+        }
+        if self.hidden > 0 {
+            let nodes = count(self.hidden, "node is", "nodes are");
+            self.scene.notes.push(format!(
+                "{nodes} hidden with all that is below ({VISIBILITY}); cameras there count"
+            ));
+        }
+        if !self.flat.is_empty() {
+            let things = count(self.flat.len(), "volume or light is", "volumes and lights are");
+            self.scene.warnings.push(format!(
+                "{things} scaled to nothing and left out, at {}",
+                list_names(&self.flat)
+            ));
+        }
+        let kept = |extras: &json::Extras| {
+            // Most materials have none, and few of those the key.
+            extras.as_ref().filter(|e| e.get().contains(KEPT)).and_then(|_| object(extras))
+        };
+        for extras in self.root.materials.iter().filter_map(|material| kept(&material.extras)) {
+            if let Some(Value::Object(extensions)) = extras.get(KEPT) {
+                self.kept.extend(extensions.keys().cloned());
+            }
+        }
+        if !self.kept.is_empty() {
+            let names = self.kept.iter().take(SHOWN).cloned().collect::<Vec<_>>().join(", ");
+            self.scene
+                .not_modelled
+                .push(format!("extensions that were moved to `extras.{KEPT}`: {names}"));
+        }
+        if self.scene.meshes.iter().any(|mesh| mesh.skin.is_some()) {
+            self.scene.transforms = self.transforms;
+        }
+        list_not_modelled(self.root, &mut self.scene);
+        self.scene
     }
 
     fn roots(&self) -> Result<Vec<usize>, Error> {
@@ -405,46 +559,105 @@ impl Walk<'_> {
         &mut self,
         index: usize,
         node: &json::scene::Node,
+        extras: Option<&Map<String, Value>>,
         to_world: &DAffine3,
+        hidden: bool,
     ) -> Result<(), Error> {
         let name = node.name.clone().unwrap_or_default();
         if let Some(camera) = node.camera {
-            self.camera(&name, camera.value(), to_world)?;
+            self.camera(index, &name, camera.value(), to_world)?;
+        }
+        if hidden {
+            return Ok(());
+        }
+        if let Some(Value::Object(extensions)) = extras.and_then(|extras| extras.get(KEPT)) {
+            let read = [EXTENSION, VISIBILITY];
+            let others = extensions.keys().filter(|name| !read.contains(&name.as_str()));
+            self.kept.extend(others.cloned());
         }
         let extensions = node.extensions.as_ref();
-        if let Some(light) = extensions.and_then(|e| e.khr_lights_punctual.as_ref()) {
-            self.light(&name, light.light.value(), to_world)?;
-        }
-        let has_extension = extensions.is_some_and(|e| e.others.contains_key(EXTENSION));
-        let extras = node.extras.as_ref().map(|extras| extras.get());
         if let Some(mesh) = node.mesh {
-            if self.root.meshes.get(mesh.value()).is_none() {
+            let Some(found) = self.root.meshes.get(mesh.value()) else {
                 return Err(self.no_such("mesh", mesh.value(), &name));
-            }
+            };
             self.scene.meshes.push(GltfMesh {
                 name: name.clone(),
                 node: index,
                 mesh: mesh.value(),
                 to_world: *to_world,
+                skin: node.skin.map(|skin| skin.value()),
+                weights: default_weights(node, found),
             });
         }
-        if let Some((spec, pointer)) = volume_of_node(self.document, index, has_extension, extras)?
-        {
+        let has_extension = extensions.is_some_and(|e| e.others.contains_key(EXTENSION));
+        let volume = volume_of_node(self.document, index, has_extension, extras)?;
+        let light = extensions.and_then(|e| e.khr_lights_punctual.as_ref());
+        if volume.is_none() && light.is_none() {
+            self.scene.has_empties |= node.mesh.is_none()
+                && node.camera.is_none()
+                && node.children.as_ref().is_none_or(Vec::is_empty);
+            return Ok(());
+        }
+        if node.mesh.is_some_and(|mesh| self.is_quantised(mesh.value())) {
+            self.scene.warnings.push(format!(
+                "node `{name}` holds a volume or a light beside a mesh with quantised positions: \
+                 tools that quantise a mesh move and scale its node, and all that is on it; give \
+                 the volume or light a node of its own before"
+            ));
+        }
+        let places = match instances(&self.accessors, index, 512 + 2 * name.len() as u64)? {
+            None => vec![*to_world],
+            Some(places) => places.into_iter().map(|place| *to_world * place).collect(),
+        };
+        if !places.iter().all(DAffine3::is_finite) {
+            return Err(Error::invalid(
+                self.document.place(&format!("/nodes/{index}")),
+                "the world transform of an instance is not finite",
+                "check the scales of the node and its instances",
+            ));
+        }
+        if let Some(light) = light {
+            self.light(&name, light.light.value(), &places)?;
+        }
+        if let Some((spec, pointer)) = volume {
             let place = self.document.place(&pointer);
-            self.scene.volumes.push(GltfVolume {
-                node: name,
-                spec,
-                to_world: *to_world,
-                pointer,
-                place,
-            });
+            let spec = Arc::new(spec);
+            for to_world in places {
+                // As meshes: what has no extent is not seen.
+                if !to_world.matrix3.determinant().is_normal() {
+                    self.flat.push(name.clone());
+                    continue;
+                }
+                self.scene.volumes.push(GltfVolume {
+                    node: name.clone(),
+                    spec: spec.clone(),
+                    to_world,
+                    pointer: pointer.clone(),
+                    place: place.clone(),
+                });
+            }
         }
         Ok(())
     }
 
-    fn camera(&mut self, node: &str, index: usize, to_world: &DAffine3) -> Result<(), Error> {
-        let Some(camera) = self.root.cameras.get(index) else {
-            return Err(self.no_such("camera", index, node));
+    /// Whether a mesh has positions that are integers.
+    fn is_quantised(&self, mesh: usize) -> bool {
+        let position = json::validation::Checked::Valid(json::mesh::Semantic::Positions);
+        let primitives = self.root.meshes.get(mesh).map(|mesh| mesh.primitives.as_slice());
+        let mut positions =
+            primitives.unwrap_or_default().iter().filter_map(|p| p.attributes.get(&position));
+        positions.any(|accessor| self.accessors.is_integer(accessor.value()))
+    }
+
+    fn camera(
+        &mut self,
+        index: usize,
+        node: &str,
+        camera: usize,
+        to_world: &DAffine3,
+    ) -> Result<(), Error> {
+        let Some(camera) = self.root.cameras.get(camera) else {
+            return Err(self.no_such("camera", camera, node));
         };
         let fov_y_degrees = camera.perspective.as_ref().map(|p| f64::from(p.yfov).to_degrees());
         let aspect_ratio = camera
@@ -455,6 +668,8 @@ impl Walk<'_> {
             .filter(|a| (1e-3..=1e3).contains(a));
         self.scene.cameras.push(GltfCamera {
             node: node.to_owned(),
+            index,
+            name: camera.name.clone().unwrap_or_default(),
             to_world: *to_world,
             fov_y_degrees,
             aspect_ratio,
@@ -462,7 +677,8 @@ impl Walk<'_> {
         Ok(())
     }
 
-    fn light(&mut self, node: &str, index: usize, to_world: &DAffine3) -> Result<(), Error> {
+    /// A light of node `node` at each of its places.
+    fn light(&mut self, node: &str, index: usize, places: &[DAffine3]) -> Result<(), Error> {
         use json::extensions::scene::khr_lights_punctual::Type;
         use json::validation::Checked;
 
@@ -483,42 +699,53 @@ impl Walk<'_> {
         if !(intensity.is_finite() && intensity.min_element() >= 0.0) {
             return Err(invalid("the light's colour times intensity is negative or not finite"));
         }
-        let along = to_world.transform_vector3(DVec3::NEG_Z).try_normalize();
-        let Some(along) = along else {
-            return Err(invalid("the light's node is scaled to nothing"));
-        };
-        let (position, direction) = (to_world.translation, along.as_vec3().normalize());
-        let light_here = match light.type_ {
+        let kind = match light.type_ {
+            Checked::Valid(kind) => kind,
             Checked::Invalid => {
                 return Err(invalid("the light's type is not directional, point or spot"));
             }
-            Checked::Valid(Type::Directional) => Light::Sun(Sun {
-                to_light: -direction,
-                irradiance: intensity,
-                angular_diameter: 0.0,
-            }),
-            Checked::Valid(Type::Point) => Light::Point(Point { position, intensity }),
-            Checked::Valid(Type::Spot) => {
-                let (inner, outer) = light
-                    .spot
-                    .as_ref()
-                    .map_or((0.0, FRAC_PI_4), |s| (s.inner_cone_angle, s.outer_cone_angle));
-                // The specification allows outer angles up to a quarter turn; a whole half turn
-                // still has a meaning.
-                if !(inner >= 0.0 && inner <= outer && outer <= PI) {
-                    return Err(invalid("the spot's cone angles are not 0 <= inner <= outer"));
-                }
-                let (cos_inner, cos_outer) = (libm::cosf(inner), libm::cosf(outer));
-                Light::Spot(Spot { position, direction, intensity, cos_inner, cos_outer })
-            }
         };
+        let (inner, outer) = light
+            .spot
+            .as_ref()
+            .filter(|_| kind == Type::Spot)
+            .map_or((0.0, FRAC_PI_4), |s| (s.inner_cone_angle, s.outer_cone_angle));
+        // The specification allows outer angles up to a quarter turn; a whole half turn still has
+        // a meaning.
+        if !(inner >= 0.0 && inner <= outer && outer <= PI) {
+            return Err(invalid("the spot's cone angles are not 0 <= inner <= outer"));
+        }
+        let (cos_inner, cos_outer) = (libm::cosf(inner), libm::cosf(outer));
+        for to_world in places {
+            let axis = |axis: DVec3| to_world.transform_vector3(axis).try_normalize();
+            let along = axis(DVec3::NEG_Z);
+            // A point light has no direction; it is gone where nothing is left of its node.
+            let directed = along.or((kind == Type::Point)
+                .then(|| axis(DVec3::X).or_else(|| axis(DVec3::Y)))
+                .flatten());
+            let Some(along) = directed else {
+                self.flat.push(node.to_owned());
+                continue;
+            };
+            let (position, direction) = (to_world.translation, along.as_vec3().normalize());
+            self.scene.lights.push(match kind {
+                Type::Directional => Light::Sun(Sun {
+                    to_light: -direction,
+                    irradiance: intensity,
+                    angular_diameter: 0.0,
+                }),
+                Type::Point => Light::Point(Point { position, intensity }),
+                Type::Spot => {
+                    Light::Spot(Spot { position, direction, intensity, cos_inner, cos_outer })
+                }
+            });
+        }
         if let Some(range) = light.range {
             self.scene.not_modelled.push(format!(
                 "the range of {range} of light `{node}`: light falls off with the square of the \
                  distance and never ends"
             ));
         }
-        self.scene.lights.push(light_here);
         Ok(())
     }
 
@@ -529,6 +756,16 @@ impl Walk<'_> {
             "export the file again",
         )
     }
+}
+
+/// Names in backticks, of which a few are shown.
+pub(crate) fn list_names<T: AsRef<str>>(names: &[T]) -> String {
+    let mut list: Vec<String> =
+        names.iter().take(SHOWN).map(|name| format!("`{}`", name.as_ref())).collect();
+    if let Some(more) = names.len().checked_sub(SHOWN).filter(|&more| more > 0) {
+        list.push(format!("and {more} more"));
+    }
+    list.join(", ")
 }
 
 fn list_not_modelled(root: &json::Root, scene: &mut GltfScene) {
@@ -543,21 +780,6 @@ fn list_not_modelled(root: &json::Root, scene: &mut GltfScene) {
     if without_positions > 0 {
         let primitives = plural(without_positions, "primitive", "primitives");
         scene.not_modelled.push(format!("{primitives} without positions"));
-    }
-    let skinned = root.nodes.iter().filter(|n| n.mesh.is_some() && n.skin.is_some()).count();
-    if skinned > 0 {
-        let nodes = plural(skinned, "node", "nodes");
-        scene
-            .not_modelled
-            .push(format!("skins of {nodes}: meshes keep the shape they are stored in"));
-    }
-    let morphed = |mesh: &json::Mesh| {
-        mesh.primitives.iter().any(|p| p.targets.as_ref().is_some_and(|t| !t.is_empty()))
-    };
-    let morphed = root.meshes.iter().filter(|mesh| morphed(mesh)).count();
-    if morphed > 0 {
-        let meshes = plural(morphed, "mesh", "meshes");
-        scene.not_modelled.push(format!("morph targets of {meshes}: the base shape is rendered"));
     }
     let occluded = root.materials.iter().filter(|m| m.occlusion_texture.is_some()).count();
     if occluded > 0 {
@@ -576,8 +798,8 @@ fn list_not_modelled(root: &json::Root, scene: &mut GltfScene) {
         let materials = plural(bumpy_coats, "material", "materials");
         scene.not_modelled.push(format!("normal textures of the clear coats of {materials}"));
     }
-    if !root.animations.is_empty() {
-        let animations = plural(root.animations.len(), "animation", "animations");
+    if scene.counts.animations > 0 {
+        let animations = plural(scene.counts.animations, "animation", "animations");
         scene.not_modelled.push(format!("{animations}: the rest pose is rendered"));
     }
     let used = root.extensions_used.iter().map(String::as_str);

@@ -4,7 +4,7 @@ use std::cell::RefCell;
 use std::collections::HashMap;
 use std::sync::Arc;
 
-use glam::{Vec2, Vec3, Vec4};
+use glam::{Mat4, Vec2, Vec3, Vec4};
 use gltf::json::accessor::{Accessor, ComponentType, Type};
 use gltf::json::validation::Checked;
 
@@ -23,13 +23,28 @@ pub(crate) enum Use {
     /// Translation or scale of an instance (`EXT_mesh_gpu_instancing`).
     Vector,
     Rotation,
+    /// What a morph target adds to a position.
+    PositionShift,
+    /// What a morph target adds to a normal or a tangent.
+    DirectionShift,
+    /// Numbers of joints in a skin.
+    Joints,
+    /// Weights of joints.
+    Weights,
+    /// Inverse bind matrices, by columns.
+    Matrix,
 }
 
 impl Use {
     fn types(self) -> &'static [Type] {
         match self {
-            Self::Position | Self::Normal | Self::Vector => &[Type::Vec3],
-            Self::Tangent | Self::Rotation => &[Type::Vec4],
+            Self::Position
+            | Self::Normal
+            | Self::Vector
+            | Self::PositionShift
+            | Self::DirectionShift => &[Type::Vec3],
+            Self::Tangent | Self::Rotation | Self::Joints | Self::Weights => &[Type::Vec4],
+            Self::Matrix => &[Type::Mat4],
             Self::Uv => &[Type::Vec2],
             Self::Color => &[Type::Vec3, Type::Vec4],
         }
@@ -39,26 +54,27 @@ impl Use {
     fn allows(self, component: ComponentType, normalized: bool, quantized: bool) -> bool {
         use ComponentType::{F32, I8, I16, U8, U16, U32};
         match component {
-            F32 => true,
+            F32 => self != Self::Joints,
             U32 => false,
             U8 | U16 => match self {
                 Self::Uv => normalized || quantized,
-                Self::Color => normalized,
+                Self::Color | Self::Weights => normalized,
+                Self::Joints => !normalized,
                 Self::Position => quantized,
-                Self::Normal | Self::Tangent | Self::Vector | Self::Rotation => false,
+                _ => false,
             },
             I8 | I16 => match self {
-                Self::Uv | Self::Position => quantized,
-                Self::Normal | Self::Tangent => quantized && normalized,
+                Self::Uv | Self::Position | Self::PositionShift => quantized,
+                Self::Normal | Self::Tangent | Self::DirectionShift => quantized && normalized,
                 Self::Rotation => normalized,
-                Self::Color | Self::Vector => false,
+                _ => false,
             },
         }
     }
 
     /// What components that an accessor does not have are.
-    fn missing(self) -> [f32; 4] {
-        if self == Self::Color { [1.0; 4] } else { [0.0; 4] }
+    fn missing<const N: usize>(self) -> [f32; N] {
+        if self == Self::Color { [1.0; N] } else { [0.0; N] }
     }
 }
 
@@ -126,7 +142,7 @@ impl<'a> Accessors<'a> {
     }
 
     pub(crate) fn vec2(&self, index: usize, wanted: Use) -> Result<Arc<[Vec2]>, Error> {
-        self.cached(&self.vec2, index, wanted, |[x, y, ..]| Vec2::new(x, y))
+        self.cached(&self.vec2, index, wanted, |[x, y, _, _]| Vec2::new(x, y))
     }
 
     pub(crate) fn vec3(&self, index: usize, wanted: Use) -> Result<Arc<[Vec3]>, Error> {
@@ -135,6 +151,20 @@ impl<'a> Accessors<'a> {
 
     pub(crate) fn vec4(&self, index: usize, wanted: Use) -> Result<Arc<[Vec4]>, Error> {
         self.cached(&self.vec4, index, wanted, Vec4::from_array)
+    }
+
+    /// Matrices of four rows and columns; not kept.
+    pub(crate) fn mat4(&self, index: usize, wanted: Use) -> Result<Vec<Mat4>, Error> {
+        self.floats(index, wanted, |columns: [f32; 16]| Mat4::from_cols_array(&columns))
+    }
+
+    /// Whether the components are integers.
+    pub(crate) fn is_integer(&self, index: usize) -> bool {
+        let accessor = self.buffers.root.accessors.get(index);
+        accessor.is_some_and(|accessor| match accessor.component_type {
+            Checked::Valid(kind) => kind.0 != ComponentType::F32,
+            Checked::Invalid => false,
+        })
     }
 
     /// The integers of an accessor of indices, each below `vertices`.
@@ -171,10 +201,8 @@ impl<'a> Accessors<'a> {
             }
         })?;
         match values.iter().position(|&value| value as usize >= vertices) {
-            Some(at) => Err(invalid(format!(
-                "index {at} is {}, but there are {vertices} vertices",
-                values.get(at).copied().unwrap_or_default()
-            ))),
+            // Values are not shown: whose file the buffer is is not known.
+            Some(at) => Err(invalid(format!("index {at} is beyond the {vertices} vertices"))),
             None => Ok(values),
         }
     }
@@ -194,11 +222,12 @@ impl<'a> Accessors<'a> {
         Ok(values)
     }
 
-    fn floats<T: Copy>(
+    /// Elements of `N` components at most.
+    fn floats<T: Copy, const N: usize>(
         &self,
         index: usize,
         wanted: Use,
-        make: impl Fn([f32; 4]) -> T,
+        make: impl Fn([f32; N]) -> T,
     ) -> Result<Vec<T>, Error> {
         let accessor = self.accessor(index)?;
         let kind = self.component_type(index, accessor)?;
@@ -213,13 +242,13 @@ impl<'a> Accessors<'a> {
             let why = format!("{wanted:?} values are not stored so, or need KHR_mesh_quantization");
             return Err(self.wrong_type(index, accessor, &why));
         }
-        let (step, n) = (size_of_component(kind), type_.multiplicity().min(4));
+        let (step, n) = (size_of_component(kind), type_.multiplicity().min(N));
         let size = step * n;
         let count = accessor.count.0;
         let mut broken = None;
         let mut place = 0usize;
         let mut decode = |bytes: &[u8]| {
-            let mut value = wanted.missing();
+            let mut value = wanted.missing::<N>();
             for (slot, bytes) in value.iter_mut().zip(bytes.chunks_exact(step)).take(n) {
                 let found = component(bytes, kind, accessor.normalized).unwrap_or(f32::NAN);
                 if !found.is_finite() {
@@ -243,7 +272,7 @@ impl<'a> Accessors<'a> {
             None => {
                 self.reserve(index, count, bytes_each)?;
                 // Without a view all values are zero (glTF 2.0, section 3.6.2.1).
-                let mut zero = wanted.missing();
+                let mut zero = wanted.missing::<N>();
                 zero.iter_mut().take(n).for_each(|slot| *slot = 0.0);
                 values.resize(usize::try_from(count).unwrap_or(0), make(zero));
             }
@@ -294,7 +323,7 @@ impl<'a> Accessors<'a> {
             if u64::from(place) >= accessor.count.0 || before.is_some_and(|b| b >= place) {
                 return Err(self.invalid(
                     index,
-                    format!("its sparse index {place} is too large or not above the one before"),
+                    "a sparse index is too large or not above the one before".into(),
                 ));
             }
             before = Some(place);

@@ -1,15 +1,14 @@
 //! Buffers of a glTF file and checked views of them.
 
 use std::cell::{Cell, OnceCell};
-use std::io::Read;
 use std::path::Path;
 
-use base64::Engine;
 use gltf::json;
 
 use crate::error::{Error, Place};
+use crate::file;
 use crate::json::Document;
-use crate::uri::resolve_uri;
+use crate::uri::{data_of_uri, decode_data_uri, resolve_uri};
 
 /// Bytes of a data URI or a file before they are decoded; what a name may stand for.
 pub(crate) enum Resource {
@@ -77,19 +76,10 @@ impl<'a> Buffers<'a> {
 
     /// The bytes that a URI of the file means: decoded data, or a file to be read.
     pub(crate) fn resource(&self, uri: &str, pointer: &str) -> Result<Resource, Error> {
-        if let Some(rest) = uri.strip_prefix("data:") {
-            let invalid = |what: String| {
+        if let Some(rest) = data_of_uri(uri) {
+            let bytes = decode_data_uri(rest).map_err(|what| {
                 Error::invalid(self.document.place(pointer), what, "export the file again")
-            };
-            let Some((head, data)) = rest.split_once(',') else {
-                return Err(invalid("the data URI has no comma before its data".into()));
-            };
-            if !head.ends_with(";base64") {
-                return Err(invalid("the data URI is not base64".into()));
-            }
-            let bytes = base64::engine::general_purpose::STANDARD
-                .decode(data)
-                .map_err(|error| invalid(format!("the data URI is damaged: {error}")))?;
+            })?;
             return Ok(Resource::Bytes(bytes));
         }
         let folder = self.document.path().parent().unwrap_or(Path::new(""));
@@ -158,15 +148,7 @@ impl<'a> Buffers<'a> {
             let by = format!("named by {} of {}", pointer, self.document.path().display());
             Error::io(Place::part(path, by), source)
         };
-        let file = std::fs::File::open(path).map_err(io)?;
-        let metadata = file.metadata().map_err(io)?;
-        let mut bytes = Vec::new();
-        if metadata.is_file() {
-            // The file is what limits the allocation, not what is declared.
-            bytes.reserve(usize::try_from(metadata.len().min(limit)).unwrap_or(0));
-            file.take(limit).read_to_end(&mut bytes).map_err(io)?;
-        }
-        Ok(bytes)
+        file::read(path, limit).map_err(io)
     }
 
     /// All bytes of a file that an image names, up to `limit`.

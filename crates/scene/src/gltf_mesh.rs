@@ -2,22 +2,21 @@
 
 use std::collections::{BTreeSet, HashMap};
 
-use glam::{DAffine3, DQuat, DVec3, Vec3};
+use glam::{DAffine3, DVec3, Vec3};
 use gltf::json;
 use gltf::json::mesh::{Mode, Semantic};
 use gltf::json::validation::Checked;
-use serde::Deserialize;
 
 use crate::error::Error;
+use crate::gltf::GltfScene;
 use crate::gltf_accessor::{Accessors, Use};
 use crate::gltf_buffer::Buffers;
+use crate::gltf_instances::instances;
 use crate::gltf_material;
+use crate::gltf_pose::{Pose, PoseKey, Poses, pose_key};
 use crate::gltf_texture::Textures;
 use crate::json::Document;
 use crate::surface::{GlassRule, Material, Mesh, Part, Refusal, Surfaces, Tag, is_closed};
-
-/// Extension that places a mesh many times.
-pub(crate) const INSTANCING: &str = "EXT_mesh_gpu_instancing";
 
 /// A node with a mesh.
 #[derive(Debug, Clone, PartialEq)]
@@ -30,6 +29,10 @@ pub struct GltfMesh {
     pub mesh: usize,
     /// World transform of the node.
     pub to_world: DAffine3,
+    /// Number of the skin in the file, whose joints place the mesh instead of `to_world`.
+    pub skin: Option<usize>,
+    /// Weights of the mesh's morph targets at rest; empty if all are zero.
+    pub weights: Vec<f32>,
 }
 
 /// The surfaces of a file, and what was decided about them.
@@ -43,32 +46,20 @@ pub struct GltfSurfaces {
     pub not_modelled: Vec<String>,
 }
 
-#[derive(Debug, Deserialize)]
-struct Instancing {
-    attributes: InstancingAttributes,
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(rename_all = "UPPERCASE")]
-struct InstancingAttributes {
-    translation: Option<usize>,
-    rotation: Option<usize>,
-    scale: Option<usize>,
-}
-
 /// Triangles that a file may have however small it is: primitives may share their vertices.
 const FREE_TRIANGLES: u64 = 1 << 22;
 /// Most triangles of all.
 const MAX_TRIANGLES: u64 = 1 << 27;
 
-/// Reads the meshes of `placed` nodes and everything that they need.
+/// Reads the meshes of a scene and everything that they need.
 pub(crate) fn load(
     document: &Document,
     root: &json::Root,
     bin: Option<&[u8]>,
-    placed: &[GltfMesh],
+    scene: &GltfScene,
     rule: GlassRule,
 ) -> Result<GltfSurfaces, Error> {
+    let placed = &scene.meshes;
     if placed.is_empty() {
         return Ok(GltfSurfaces::default());
     }
@@ -79,6 +70,7 @@ pub(crate) fn load(
     let materials = gltf_material::load(document, &mut textures, &used, &mut not_modelled)?;
     let mut loader = Loader {
         accessors: Accessors::new(&buffers),
+        poses: Poses::new(&scene.transforms),
         buffers: &buffers,
         materials: &materials,
         rule,
@@ -86,24 +78,26 @@ pub(crate) fn load(
         without_area: 0,
         made_solid: Vec::new(),
     };
-    let mut numbers: HashMap<usize, Option<usize>> = HashMap::new();
+    let mut numbers: HashMap<PoseKey, Option<usize>> = HashMap::new();
     let mut meshes = Vec::new();
     let mut instances = Vec::new();
     let mut nodes = Vec::new();
     for node in placed {
-        let number = match numbers.get(&node.mesh) {
+        let pose = loader.poses.pose(&loader.accessors, node)?;
+        let key = pose_key(node);
+        let number = match numbers.get(&key) {
             Some(number) => *number,
             None => {
-                let number = loader.mesh(node.mesh)?.map(|mesh| {
+                let number = loader.mesh(node.mesh, &pose)?.map(|mesh| {
                     meshes.push(mesh);
                     meshes.len() - 1
                 });
-                numbers.insert(node.mesh, number);
+                numbers.insert(key, number);
                 number
             }
         };
         let Some(number) = number else { continue };
-        for to_world in loader.transforms(node)? {
+        for to_world in loader.transforms(node, &pose)? {
             instances.push((number, node.name.clone(), to_world));
             nodes.push(node.node);
         }
@@ -145,6 +139,7 @@ fn used_materials(root: &json::Root, placed: &[GltfMesh]) -> BTreeSet<usize> {
 
 struct Loader<'a> {
     accessors: Accessors<'a>,
+    poses: Poses<'a>,
     buffers: &'a Buffers<'a>,
     materials: &'a [Material],
     rule: GlassRule,
@@ -156,7 +151,7 @@ struct Loader<'a> {
 
 impl Loader<'_> {
     /// A mesh of all primitives of triangles; `None` if there is no triangle.
-    fn mesh(&mut self, index: usize) -> Result<Option<Mesh>, Error> {
+    fn mesh(&mut self, index: usize, pose: &Pose) -> Result<Option<Mesh>, Error> {
         let document = self.buffers.document;
         let Some(mesh) = self.buffers.root.meshes.get(index) else {
             return Err(Error::invalid(
@@ -170,7 +165,8 @@ impl Loader<'_> {
         let mut triangles: Vec<([Vec3; 3], Tag)> = Vec::new();
         for (number, primitive) in mesh.primitives.iter().enumerate() {
             let pointer = format!("/meshes/{index}/primitives/{number}");
-            if let Some(part) = self.primitive(primitive, &pointer, parts.len(), &mut triangles)? {
+            let part = parts.len();
+            if let Some(part) = self.primitive(primitive, pose, &pointer, part, &mut triangles)? {
                 parts.push(part);
             }
         }
@@ -222,6 +218,7 @@ impl Loader<'_> {
     fn primitive(
         &mut self,
         primitive: &json::mesh::Primitive,
+        pose: &Pose,
         pointer: &str,
         part: usize,
         triangles: &mut Vec<([Vec3; 3], Tag)>,
@@ -246,7 +243,7 @@ impl Loader<'_> {
             primitive.attributes.get(&Checked::Valid(semantic)).map(|index| index.value())
         };
         let Some(position) = attribute(Semantic::Positions) else { return Ok(None) };
-        let positions = self.accessors.vec3(position, Use::Position)?;
+        let mut positions = self.accessors.vec3(position, Use::Position)?;
         let material = match primitive.material {
             // The default material stands at the end.
             None => self.materials.len().saturating_sub(1),
@@ -298,6 +295,8 @@ impl Loader<'_> {
             Some(index) => Some(self.accessors.indices(index.value(), positions.len())?),
             None => None,
         };
+        let (poses, accessors) = (&mut self.poses, &self.accessors);
+        poses.apply(pose, accessors, primitive, pointer, &mut positions, &mut found)?;
         let count = indices.as_ref().map_or(positions.len(), Vec::len);
         self.count_triangles(count as u64, mode, pointer)?;
         let remainder = if mode == Mode::Triangles { count % 3 } else { 0 };
@@ -338,53 +337,14 @@ impl Loader<'_> {
     }
 
     /// World transforms of a node's mesh: one, or one for each instance.
-    fn transforms(&self, node: &GltfMesh) -> Result<Vec<DAffine3>, Error> {
-        let root = self.buffers.root;
-        let others = root.nodes.get(node.node).and_then(|n| n.extensions.as_ref());
-        let Some(value) = others.and_then(|extensions| extensions.others.get(INSTANCING)) else {
-            return Ok(vec![node.to_world]);
+    fn transforms(&self, node: &GltfMesh, pose: &Pose) -> Result<Vec<DAffine3>, Error> {
+        /// What an instance takes at least.
+        const BYTES: u64 = 64;
+        let Some(instances) = instances(&self.accessors, node.node, BYTES)? else {
+            return Ok(vec![pose.to_world(&node.to_world)]);
         };
-        let document = self.buffers.document;
-        let pointer = format!("/nodes/{}/extensions/{INSTANCING}", node.node);
-        let invalid =
-            |what: String| Error::invalid(document.place(&pointer), what, "export the file again");
-        let found = Instancing::deserialize(value).map_err(|error| invalid(error.to_string()))?;
-        let attributes = found.attributes;
-        let vectors = |index: Option<usize>| {
-            index.map(|index| self.accessors.vec3(index, Use::Vector)).transpose()
-        };
-        let (translations, scales) = (vectors(attributes.translation)?, vectors(attributes.scale)?);
-        let rotations = attributes.rotation;
-        let rotations =
-            rotations.map(|index| self.accessors.vec4(index, Use::Rotation)).transpose()?;
-        let lengths = [
-            translations.as_ref().map(|values| values.len()),
-            scales.as_ref().map(|values| values.len()),
-            rotations.as_ref().map(|values| values.len()),
-        ];
-        let count = lengths.iter().flatten().copied().max().unwrap_or(0);
-        if lengths.iter().flatten().any(|&length| length != count) {
-            return Err(invalid("the instances' attributes have different lengths".into()));
-        }
-        self.buffers.reserve(&pointer, (count as u64).saturating_mul(64))?;
-        let mut transforms = Vec::with_capacity(count);
-        for i in 0..count {
-            let vector = |values: &Option<std::sync::Arc<[Vec3]>>, none: DVec3| {
-                values.as_ref().and_then(|v| v.get(i)).map_or(none, |v| v.as_dvec3())
-            };
-            let rotation = rotations.as_ref().and_then(|values| values.get(i));
-            let rotation = rotation.map_or(DQuat::IDENTITY, |q| DQuat::from_vec4(q.as_dvec4()));
-            if !(rotation.length_squared() > 1e-12) {
-                return Err(invalid(format!("the rotation of instance {i} is zero")));
-            }
-            let local = DAffine3::from_scale_rotation_translation(
-                vector(&scales, DVec3::ONE),
-                rotation.normalize(),
-                vector(&translations, DVec3::ZERO),
-            );
-            transforms.push(node.to_world * local);
-        }
-        Ok(transforms)
+        let (outer, inner) = pose.around_instances(&node.to_world);
+        Ok(instances.into_iter().map(|instance| outer * instance * inner).collect())
     }
 
     fn notes(&mut self) -> Vec<String> {

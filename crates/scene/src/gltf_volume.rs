@@ -18,9 +18,13 @@ pub(crate) const EXTENSION: &str = "PILEUS_volume";
 /// Key of `extras` that holds the same object as the extension.
 const NESTED: &str = "pileus_volume";
 
+/// Key of `extras` under which three.js keeps the extensions that it does not know.
+pub(crate) const KEPT: &str = "gltfExtensions";
+
 /// Flat keys of `extras`, what Blender writes from an object's custom properties, but for those of phase functions.
-const FLAT: [&str; 18] = [
+const FLAT: [&str; 19] = [
     "pileus_vdb",
+    "pileus_frame",
     "pileus_grid",
     "pileus_density_scale",
     "pileus_albedo",
@@ -47,12 +51,16 @@ pub(crate) fn volume_of_node(
     document: &Document,
     index: usize,
     has_extension: bool,
-    extras: Option<&str>,
+    extras: Option<&Map<String, Value>>,
 ) -> Result<Option<(VolumeSpec, String)>, Error> {
     let base = document.path().parent().unwrap_or(Path::new(""));
     let node = format!("/nodes/{index}");
-    if has_extension {
-        let pointer = format!("{node}/extensions/{EXTENSION}");
+    let kept = extras.and_then(|extras| extras.get(KEPT)?.get(EXTENSION));
+    if has_extension || kept.is_some() {
+        let pointer = match has_extension {
+            true => format!("{node}/extensions/{EXTENSION}"),
+            false => format!("{node}/extras/{KEPT}/{EXTENSION}"),
+        };
         if let Some(spec) = document.parse_at::<VolumeSpec>(&pointer) {
             let mut spec = spec?;
             spec.resolve_files(|key, uri| {
@@ -62,10 +70,7 @@ pub(crate) fn volume_of_node(
             return Ok(Some((spec, pointer)));
         }
     }
-    // Extras may be any value; only an object can hold our keys.
-    let Some(Ok(extras)) = extras.map(serde_json::from_str::<Map<String, Value>>) else {
-        return Ok(None);
-    };
+    let Some(extras) = extras else { return Ok(None) };
     let pointer = format!("{node}/extras");
     if extras.contains_key(NESTED) {
         let pointer = format!("{pointer}/{NESTED}");
@@ -74,7 +79,7 @@ pub(crate) fn volume_of_node(
         spec.resolve_files(|_, name| Ok::<_, Error>(path_text(&resolve_name(base, name))))?;
         return Ok(Some((spec, pointer)));
     }
-    let flat = Flat { document, pointer: &pointer, extras: &extras };
+    let flat = Flat { document, pointer: &pointer, extras };
     Ok(flat.volume(base)?.map(|spec| (spec, pointer)))
 }
 
@@ -121,6 +126,7 @@ impl Flat<'_> {
         };
         Ok(Some(VolumeSpec {
             vdb: Some(path_text(&resolve_name(base, &vdb))),
+            frame: self.whole("pileus_frame")?,
             density: Some(DensitySpec {
                 grid: self.text("pileus_grid")?,
                 scale: self.number("pileus_density_scale")?,
@@ -258,6 +264,14 @@ impl Flat<'_> {
         match self.extras.get(key) {
             None => Ok(None),
             Some(value) => value.as_f64().map(Some).ok_or_else(|| self.wrong(key, "a number")),
+        }
+    }
+
+    fn whole(&self, key: &str) -> Result<Option<i64>, Error> {
+        match self.number(key)? {
+            None => Ok(None),
+            Some(n) if n.fract() == 0.0 && n.abs() < 1e15 => Ok(Some(n as i64)),
+            Some(_) => Err(self.wrong(key, "a whole number")),
         }
     }
 

@@ -1,5 +1,7 @@
 //! Reading JSON that people write: every fault with its line, column and pointer.
 
+use std::borrow::Cow;
+use std::fmt::{self, Write as _};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -48,6 +50,18 @@ impl Document {
         parse(&self.text).map_err(|fault| self.error(fault))
     }
 
+    /// Parses `text` instead, which has the same structure but for what is not read or has a
+    /// default; the places of faults are those of this document.
+    pub(crate) fn parse_edited<T: DeserializeOwned>(&self, text: &str) -> Result<T, Error> {
+        self.check_syntax()?;
+        parse_valid(&self.text, text).map_err(|fault| self.error(fault))
+    }
+
+    /// Fails unless the text is JSON.
+    pub(crate) fn check_syntax(&self) -> Result<(), Error> {
+        check_syntax(&self.text).map_err(|fault| self.error(fault))
+    }
+
     /// Parses the value at a JSON pointer; `None` if there is no such value.
     pub fn parse_at<T: DeserializeOwned>(&self, pointer: &str) -> Option<Result<T, Error>> {
         let span = locate(&self.text, pointer)?.value;
@@ -83,13 +97,126 @@ impl Document {
 }
 
 /// Parses a JSON text strictly: no comments, no trailing text, unknown keys as the type refuses them.
+/// Numbers are what they are worth: `4.0` and `4e0` are whole.
 pub fn parse<T: DeserializeOwned>(text: &str) -> Result<T, Fault> {
     // Syntax first: the places of values can only be told in a text that is JSON.
-    if let Err(error) = serde_json::from_str::<IgnoredAny>(text) {
-        return Err(syntax_fault(text, &error));
+    check_syntax(text)?;
+    parse_valid(text, text)
+}
+
+fn check_syntax(text: &str) -> Result<(), Fault> {
+    match serde_json::from_str::<IgnoredAny>(text) {
+        Ok(_) => Ok(()),
+        Err(error) => Err(syntax_fault(text, &error)),
     }
-    let mut deserializer = serde_json::Deserializer::from_str(text);
+}
+
+/// Parses `edited`; faults are placed in `text`, which is valid JSON of the same structure.
+fn parse_valid<T: DeserializeOwned>(text: &str, edited: &str) -> Result<T, Fault> {
+    let plain = whole_numbers(edited);
+    let mut deserializer = serde_json::Deserializer::from_str(&plain);
     serde_path_to_error::deserialize(&mut deserializer).map_err(|error| data_fault(text, &error))
+}
+
+/// The text with whole numbers written as such: `1.0` and `1e3` become `1` and `1000`.
+///
+/// JSON has one kind of number, and glTF follows it (glTF 2.0, section 2.7), while the parser takes
+/// integers from tokens without fraction and exponent alone. `text` is valid JSON.
+fn whole_numbers(text: &str) -> Cow<'_, str> {
+    /// From here on not every whole number is a double.
+    const LARGEST: f64 = 9_007_199_254_740_992.0;
+    let bytes = text.as_bytes();
+    let mut editor = Editor::new(text);
+    let mut at = 0;
+    while let Some(&byte) = bytes.get(at) {
+        match byte {
+            b'"' => at = skip_value(bytes, at).unwrap_or(bytes.len()),
+            b'-' | b'0'..=b'9' => {
+                let start = at;
+                let part = |b: &u8| b.is_ascii_digit() || b"+-.eE".contains(b);
+                at += bytes.iter().skip(at).take_while(|&b| part(b)).count();
+                let Some(token) = text.get(start..at) else { continue };
+                if !token.bytes().any(|b| b".eE".contains(&b)) {
+                    continue;
+                }
+                if let Ok(value) = token.parse::<f64>()
+                    && value.fract() == 0.0
+                    && value.abs() < LARGEST
+                    // The sign of zero would be lost.
+                    && !(value == 0.0 && value.is_sign_negative())
+                {
+                    editor.replace(start..at, format_args!("{}", value as i64));
+                }
+            }
+            _ => at += 1,
+        }
+    }
+    editor.finish()
+}
+
+/// A text of which stretches are replaced, in ascending order.
+struct Editor<'a> {
+    text: &'a str,
+    edited: String,
+    /// Up to where `edited` stands for `text`.
+    done: usize,
+}
+
+impl<'a> Editor<'a> {
+    fn new(text: &'a str) -> Self {
+        Self { text, edited: String::new(), done: 0 }
+    }
+
+    fn replace(&mut self, span: Range<usize>, new: fmt::Arguments<'_>) {
+        self.edited.push_str(self.text.get(self.done..span.start).unwrap_or_default());
+        // Writing to a string does not fail.
+        let _ = self.edited.write_fmt(new);
+        self.done = span.end;
+    }
+
+    fn finish(mut self) -> Cow<'a, str> {
+        if self.done == 0 {
+            return Cow::Borrowed(self.text);
+        }
+        self.edited.push_str(self.text.get(self.done..).unwrap_or_default());
+        Cow::Owned(self.edited)
+    }
+}
+
+/// The text of a glTF file, which is valid JSON, as the parser takes it, and the number of its
+/// animations: these are not read, since their targets may be what the parser does not know, and
+/// scenes may be without nodes.
+pub(crate) fn acceptable_gltf(text: &str) -> (Cow<'_, str>, usize) {
+    let mut editor = Editor::new(text);
+    let mut animations = 0;
+    let root = skip_space(text.as_bytes(), 0);
+    let named = |key: Option<&Range<usize>>, name: &str| {
+        let key = key.and_then(|key| unquote(text.get(key.clone())?));
+        key.is_some_and(|key| key == name)
+    };
+    visit_members(text, root, &mut |key, value| {
+        if text.as_bytes().get(value.start) != Some(&b'[') {
+            return;
+        }
+        if named(key.as_ref(), "animations") {
+            visit_members(text, value.start, &mut |_, _| animations += 1);
+            editor.replace(value, format_args!("[]"));
+        } else if named(key.as_ref(), "scenes") {
+            visit_members(text, value.start, &mut |_, scene| {
+                let (mut empty, mut has_nodes) = (true, false);
+                visit_members(text, scene.start, &mut |key, _| {
+                    empty = false;
+                    has_nodes |= named(key.as_ref(), "nodes");
+                });
+                if text.as_bytes().get(scene.start) == Some(&b'{') && !has_nodes {
+                    let comma = if empty { "" } else { "," };
+                    let brace = scene.start..scene.start + 1;
+                    editor.replace(brace, format_args!("{{\"nodes\":[]{comma}"));
+                }
+            });
+        }
+    });
+    (editor.finish(), animations)
 }
 
 /// The name among `known` that is closest to `name`.
@@ -256,31 +383,54 @@ struct Member {
 
 /// The members of the object or array that starts at `start`; `None` for other values.
 fn members(text: &str, start: usize) -> Option<Vec<Member>> {
+    let mut found: Vec<Member> = Vec::new();
+    let mut damaged = false;
+    visit_members(text, start, &mut |key, value| {
+        let name = match &key {
+            Some(key) => text.get(key.clone()).and_then(unquote),
+            None => Some(found.len().to_string()),
+        };
+        match name {
+            Some(name) => found.push(Member { name, spans: Spans { key, value } }),
+            None => damaged = true,
+        }
+    })?;
+    (!damaged).then_some(found)
+}
+
+fn unquote(key: &str) -> Option<String> {
+    serde_json::from_str(key).ok()
+}
+
+/// Calls `visit` with the spans of key (in objects) and value of each member of the object or
+/// array that starts at `start`; `None` for other values.
+fn visit_members(
+    text: &str,
+    start: usize,
+    visit: &mut dyn FnMut(Option<Range<usize>>, Range<usize>),
+) -> Option<()> {
     let bytes = text.as_bytes();
     let (is_object, end) = match bytes.get(start)? {
         b'{' => (true, b'}'),
         b'[' => (false, b']'),
         _ => return None,
     };
-    let mut found = Vec::new();
     let mut at = skip_space(bytes, start + 1);
     while *bytes.get(at)? != end {
         let mut key = None;
-        let mut name = found.len().to_string();
         if is_object {
             let key_end = skip_value(bytes, at)?;
-            name = serde_json::from_str(text.get(at..key_end)?).ok()?;
             key = Some(at..key_end);
             at = skip_space(bytes, skip_space(bytes, key_end) + 1);
         }
         let value_end = skip_value(bytes, at)?;
-        found.push(Member { name, spans: Spans { key, value: at..value_end } });
+        visit(key, at..value_end);
         at = skip_space(bytes, value_end);
         if *bytes.get(at)? == b',' {
             at = skip_space(bytes, at + 1);
         }
     }
-    Some(found)
+    Some(())
 }
 
 fn skip_space(bytes: &[u8], mut at: usize) -> usize {
@@ -398,6 +548,37 @@ mod tests {
 
     fn fault(text: &str) -> Fault {
         parse::<Outer>(text).unwrap_err()
+    }
+
+    #[test]
+    fn whole_numbers_may_have_fractions_and_exponents() {
+        for (text, plain) in [
+            ("1.0", "1"),
+            ("[1.50e1,-2.0,-0.0,0.0,0.5,1e3]", "[15,-2,-0.0,0,0.5,1000]"),
+            (r#"{"1.0":"2.0","a\"1.0":[3.0]}"#, r#"{"1.0":"2.0","a\"1.0":[3]}"#),
+            ("1e-3", "1e-3"),
+            ("9007199254740993.0", "9007199254740993.0"),
+            ("1e300", "1e300"),
+            ("12", "12"),
+        ] {
+            assert_eq!(whole_numbers(text), plain);
+        }
+        assert_eq!(parse::<Vec<u8>>("[4.0, 2.55e2]"), Ok(vec![4, 255]));
+        assert_eq!(parse::<f32>("4.0"), Ok(4.0));
+        assert_eq!(parse::<Vec<u8>>("[4.5]").unwrap_err().pointer, "/0");
+        assert_eq!(parse::<Vec<u8>>("[0, -1.0]").unwrap_err().pointer, "/1");
+    }
+
+    #[test]
+    fn what_the_gltf_parser_does_not_take_is_left_out() {
+        let text = r#"{"scenes":[{},{"name":"a"},{"nodes":[1]}],"animations":[{"x":1},2]}"#;
+        let edited =
+            r#"{"scenes":[{"nodes":[]},{"nodes":[],"name":"a"},{"nodes":[1]}],"animations":[]}"#;
+        let (found, animations) = acceptable_gltf(text);
+        assert_eq!((&*found, animations), (edited, 2));
+        for other in ["3", "[]", r#"{"scenes":3,"animations":{"a":1}}"#] {
+            assert_eq!(acceptable_gltf(other), (Cow::Borrowed(other), 0));
+        }
     }
 
     #[test]

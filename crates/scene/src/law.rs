@@ -1,12 +1,12 @@
 //! From what a user wrote about a transmittance law to the law.
 
-use std::io::Read;
 use std::path::Path;
 use std::sync::Arc;
 
 use pileus_media::law::{Component, DavisWeinstein, Erlang, Law, Linear, Mixture, Power, Table};
 
 use crate::error::{Error, Place};
+use crate::file;
 use crate::volume_spec::{LawSpec, VolumeSpec};
 
 /// Largest file of a tabulated law, bytes.
@@ -62,18 +62,17 @@ fn single(spec: &LawSpec, key: &str, place: &dyn Fn(&str) -> Place) -> Result<Op
 fn table(path: &Path, asked_at: &dyn Fn() -> Place) -> Result<Table, Error> {
     // The file that is not there, and who named it.
     let asked = || Place::part(path, format!("named at {}", asked_at()));
-    let mut text = String::new();
-    std::fs::File::open(path)
-        .and_then(|file| file.take(MAX_TABLE + 1).read_to_string(&mut text))
-        .map_err(|source| Error::io(asked(), source))?;
-    if text.len() as u64 > MAX_TABLE {
+    let bytes = file::read(path, MAX_TABLE + 1).map_err(|source| Error::io(asked(), source))?;
+    if bytes.len() as u64 > MAX_TABLE {
         return Err(Error::unsupported(
             asked(),
             format!("the table is larger than {MAX_TABLE} bytes"),
             "give a text file with an optical depth and a transmittance on each line",
         ));
     }
-    Table::parse(&text).map_err(|source| at(Place::file(path), source))
+    let text = std::str::from_utf8(&bytes)
+        .map_err(|_| Error::invalid(asked(), "the text is not UTF-8", "save it as UTF-8"))?;
+    Table::parse(text).map_err(|source| at(Place::file(path), source))
 }
 
 /// The error of a medium with its place.

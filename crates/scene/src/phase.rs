@@ -1,6 +1,5 @@
 //! From what a user wrote about the angular law of scattering to the law.
 
-use std::io::Read;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -10,6 +9,7 @@ use pileus_media::flakes::{FlakeScattering, Flakes};
 use pileus_media::phase::{Draine, Lobe, MAX_G, MieFit, Mixture, Tabulated};
 
 use crate::error::{Error, Place};
+use crate::file;
 use crate::flake_spec::FlakeScatteringSpec;
 use crate::flakes::FlakeGrids;
 use crate::phase_spec::{CosineSpec, LobeSpec, PhaseSpec};
@@ -124,10 +124,7 @@ fn cosine(g: f64, place: impl Fn() -> Place) -> Result<f32, Error> {
 fn read_table(path: &Path, asked_at: &Place) -> Result<Tabulated, Error> {
     let named = || Place { part: Some(format!("named at {asked_at}")), ..Place::file(path) };
     let io = |source| Error::io(named(), source);
-    let mut bytes = Vec::new();
-    std::fs::File::open(path)
-        .and_then(|file| file.take(MAX_TABLE + 1).read_to_end(&mut bytes))
-        .map_err(io)?;
+    let bytes = file::read(path, MAX_TABLE + 1).map_err(io)?;
     if bytes.len() as u64 > MAX_TABLE {
         let what = format!("the table is larger than {MAX_TABLE} bytes");
         return Err(Error::unsupported(named(), what, "leave out rows"));
@@ -146,11 +143,9 @@ fn read_table(path: &Path, asked_at: &Place) -> Result<Tabulated, Error> {
         let numbers = (fields.next().map(str::parse), fields.next().map(str::parse), fields.next());
         let (Some(Ok(angle)), Some(Ok(value)), None) = numbers else {
             return Err(Error::invalid(
+                // The line is not shown: whose file it is is not known.
                 at_line(number + 1),
-                format!(
-                    "`{}` is not two numbers",
-                    content.trim().chars().take(60).collect::<String>()
-                ),
+                "the line is not two numbers",
                 "write an angle in degrees and a value in each line, separated by a comma; `#` begins a comment",
             ));
         };

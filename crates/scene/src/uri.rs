@@ -7,12 +7,30 @@ use crate::error::{Error, Place};
 /// The path that a plain file name means, relative to the folder of the file that names it.
 ///
 /// Blender marks names relative to its file by a leading `//`, which means the same here.
+/// Backslashes separate folders, as in names that were written on Windows, unless there is a file
+/// whose name has them.
 pub fn resolve_name(base: &Path, name: &str) -> PathBuf {
-    base.join(name.strip_prefix("//").unwrap_or(name))
+    resolve_path(base, name.strip_prefix("//").unwrap_or(name))
+}
+
+/// The path `name` in the folder `base`. Backslashes separate folders, unless there is a file whose
+/// name has them.
+pub fn resolve_path(base: &Path, name: &str) -> PathBuf {
+    let path = base.join(name);
+    if !name.contains('\\') || exists(&path) {
+        return path;
+    }
+    base.join(name.replace('\\', "/"))
 }
 
 /// The path that a glTF URI means, relative to the folder of the glTF file: percent-decoded,
 /// without a scheme.
+///
+/// Other spellings count where a file of the plain one is missing: backslashes for slashes, and the
+/// URI as it stands, without decoding.
+///
+/// # Errors
+/// If it has a scheme, or if it cannot be decoded and no file has the URI itself as its name.
 pub fn resolve_uri(base: &Path, uri: &str, place: &Place) -> Result<PathBuf, Error> {
     let scheme = uri.split_once(':').map(|(scheme, _)| scheme);
     // One letter before the colon is a drive, which some exporters write.
@@ -23,56 +41,151 @@ pub fn resolve_uri(base: &Path, uri: &str, place: &Place) -> Result<PathBuf, Err
             "name a file relative to the glTF file",
         ));
     }
-    let mut bytes = Vec::with_capacity(uri.len());
-    let mut rest = uri.bytes();
-    while let Some(byte) = rest.next() {
-        let decoded = if byte == b'%' {
-            let digit = |b: Option<u8>| b.and_then(|b| char::from(b).to_digit(16));
-            let (high, low) = (digit(rest.next()), digit(rest.next()));
-            high.zip(low).and_then(|(high, low)| u8::try_from(high * 16 + low).ok())
-        } else {
-            Some(byte)
-        };
-        let Some(decoded) = decoded.filter(|&b| b != 0) else {
-            return Err(Error::invalid(
-                place.clone(),
-                format!("the URI `{uri}` has a broken percent escape"),
-                "write %25 for a percent sign",
-            ));
-        };
-        bytes.push(decoded);
+    let decoded = percent_decoded(uri.as_bytes(), true).and_then(|b| String::from_utf8(b).ok());
+    let path = decoded.map(|name| resolve_path(base, &name));
+    match path {
+        Some(path) if !uri.contains('%') || exists(&path) => Ok(path),
+        path => {
+            let raw = resolve_path(base, uri);
+            if exists(&raw) {
+                return Ok(raw);
+            }
+            path.ok_or_else(|| {
+                let shown: String = uri.chars().take(80).collect();
+                Error::invalid(
+                    place.clone(),
+                    format!("the URI `{shown}` has a broken percent escape, or is not UTF-8"),
+                    "write %25 for a percent sign",
+                )
+            })
+        }
     }
-    let name = String::from_utf8(bytes).map_err(|_| {
-        Error::invalid(place.clone(), format!("the URI `{uri}` is not UTF-8"), "rename the file")
-    })?;
-    Ok(base.join(name))
+}
+
+fn exists(path: &Path) -> bool {
+    path.symlink_metadata().is_ok()
 }
 
 fn is_scheme_byte(byte: u8) -> bool {
     byte.is_ascii_alphanumeric() || b"+-.".contains(&byte)
 }
 
-/// Replaces the run of `#` in a file name by the frame number, padded with zeros to its length.
+/// The bytes that a percent-encoded text stands for. Escapes that are broken are an error if
+/// `strict`, else they stand for themselves; so does the byte 0, which no name of a file has.
+fn percent_decoded(text: &[u8], strict: bool) -> Option<Vec<u8>> {
+    let mut bytes = Vec::with_capacity(text.len());
+    let mut at = 0;
+    while let Some(&byte) = text.get(at) {
+        let digit = |at: usize| text.get(at).and_then(|&b| char::from(b).to_digit(16));
+        let escaped = (byte == b'%')
+            .then(|| digit(at + 1).zip(digit(at + 2)))
+            .flatten()
+            .and_then(|(high, low)| u8::try_from(high * 16 + low).ok());
+        match escaped {
+            Some(0) if strict => return None,
+            Some(escaped) => {
+                bytes.push(escaped);
+                at += 3;
+            }
+            None if byte == b'%' && strict => return None,
+            None => {
+                bytes.push(byte);
+                at += 1;
+            }
+        }
+    }
+    Some(bytes)
+}
+
+/// What follows `data:` in a URI, if it is one; schemes are written in any case.
+pub(crate) fn data_of_uri(uri: &str) -> Option<&str> {
+    let (scheme, rest) = uri.split_at_checked(5)?;
+    scheme.eq_ignore_ascii_case("data:").then_some(rest)
+}
+
+/// The bytes of a data URI (RFC 2397), given what follows `data:`.
+///
+/// As other loaders do, this forgives what writers get wrong: spaces and line breaks inside the
+/// data, missing padding, and the alphabet for URLs.
+///
+/// # Errors
+/// What is wrong with it.
+pub(crate) fn decode_data_uri(rest: &str) -> Result<Vec<u8>, String> {
+    use base64::Engine as _;
+    use base64::alphabet::STANDARD;
+    use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
+
+    let Some((head, data)) = rest.split_once(',') else {
+        return Err("the data URI has no comma before its data".into());
+    };
+    let mut bytes = match data.contains('%') {
+        true => percent_decoded(data.as_bytes(), false).unwrap_or_default(),
+        false => data.as_bytes().to_vec(),
+    };
+    let is_base64 =
+        head.rsplit_once(';').is_some_and(|(_, last)| last.trim().eq_ignore_ascii_case("base64"));
+    if !is_base64 {
+        return Ok(bytes);
+    }
+    bytes.retain(|byte| !byte.is_ascii_whitespace());
+    for byte in &mut bytes {
+        match byte {
+            b'-' => *byte = b'+',
+            b'_' => *byte = b'/',
+            _ => {}
+        }
+    }
+    let config = GeneralPurposeConfig::new()
+        .with_decode_padding_mode(DecodePaddingMode::Indifferent)
+        .with_decode_allow_trailing_bits(true);
+    GeneralPurpose::new(&STANDARD, config)
+        .decode(bytes)
+        .map_err(|_| "the data URI is damaged: it is not base64".to_owned())
+}
+
+/// Longest run of `#`, which is the number of digits of a frame.
+const MAX_RUN: usize = 32;
+
+/// Replaces the run of `#` in the name of a file by the frame number, padded with zeros to its
+/// length. In the names of its folders `#` means nothing. Without a frame number the name may be
+/// that of a file itself.
+///
+/// # Errors
+/// If there is a run and no frame number, or more than one run, or one of more than 32 `#`.
 pub fn with_frame(name: &str, frame: Option<i64>, place: &Place) -> Result<String, Error> {
-    let Some(start) = name.find('#') else { return Ok(name.to_owned()) };
-    let run = name[start..].bytes().take_while(|&b| b == b'#').count();
-    let (before, after) = (&name[..start], &name[start + run..]);
+    let file = name.rfind(std::path::is_separator).map_or(0, |separator| separator + 1);
+    let (folder, file) = name.split_at(file);
+    let Some(start) = file.find('#') else { return Ok(name.to_owned()) };
+    let shown: String = name.chars().take(200).collect();
+    let Some(frame) = frame else {
+        if exists(Path::new(name)) {
+            return Ok(name.to_owned());
+        }
+        return Err(Error::invalid(
+            place.clone(),
+            format!("`{shown}` does not exist, and its `#` need a frame number"),
+            "add `\"frame\": ...` beside `vdb`, or the custom property `pileus_frame`",
+        ));
+    };
+    let (before, rest) = file.split_at(start);
+    let after = rest.trim_start_matches('#');
+    let run = rest.len() - after.len();
     if after.contains('#') {
         return Err(Error::invalid(
             place.clone(),
-            format!("`{name}` has more than one run of `#`"),
+            format!("`{shown}` has more than one run of `#`"),
             "keep one run, it stands for the frame number",
         ));
     }
-    let Some(frame) = frame else {
+    if run > MAX_RUN {
         return Err(Error::invalid(
             place.clone(),
-            format!("`{name}` needs a frame number for its `#`"),
-            "add `\"frame\": ...` beside `vdb`",
+            format!("the run of `#` in `{shown}` has {run} digits"),
+            format!("use at most {MAX_RUN} `#`"),
         ));
-    };
+    }
     let sign = if frame < 0 { "-" } else { "" };
-    Ok(format!("{before}{sign}{:0run$}{after}", frame.unsigned_abs()))
+    Ok(format!("{folder}{before}{sign}{:0run$}{after}", frame.unsigned_abs()))
 }
 
 #[cfg(test)]
@@ -94,6 +207,60 @@ mod tests {
     }
 
     #[test]
+    fn names_by_other_systems_are_found() {
+        let folder = tempfile::tempdir().unwrap();
+        let base = folder.path();
+        let place = Place::default();
+        std::fs::create_dir(base.join("a")).unwrap();
+        for name in ["a/b c.png", "50%.png", "x%20y.png", "a/100%#1.png"] {
+            std::fs::write(base.join(name), "").unwrap();
+        }
+        for (uri, file) in [
+            (r"a\b%20c.png", "a/b c.png"),
+            ("a%5Cb c.png", "a/b c.png"),
+            (r".\a\..\a\b c.png", "./a/../a/b c.png"),
+            ("50%.png", "50%.png"),
+            ("x%20y.png", "x%20y.png"),
+            (r"a\100%#1.png", "a/100%#1.png"),
+            (r"a\none.png", "a/none.png"),
+        ] {
+            assert_eq!(resolve_uri(base, uri, &place).unwrap(), base.join(file), "{uri}");
+        }
+        assert_eq!(resolve_name(base, r"//..\b\c.vdb"), base.join("../b/c.vdb"));
+        assert_eq!(resolve_name(base, r"//a\b c.png"), base.join("a/b c.png"));
+        #[cfg(unix)]
+        {
+            std::fs::write(base.join(r"c\d.png"), "").unwrap();
+            assert_eq!(resolve_uri(base, r"c\d.png", &place).unwrap(), base.join(r"c\d.png"));
+        }
+    }
+
+    #[test]
+    fn data_uris_are_read_as_others_read_them() {
+        for data in [
+            "data:application/octet-stream;base64,+/8BAg==",
+            "data:application/octet-stream;base64,+/8BAg",
+            "data:;base64,+/8B\nAg==\r\n",
+            "data:;base64,+/8B Ag=",
+            "DATA:image/png;BASE64,+/8BAg==",
+            "data:application/gltf-buffer;base64,%2B%2F8BAg%3D%3D",
+            "data:a/b;name=x;base64,-_8BAg",
+            "data:;base64,+/8BAh==",
+            "data:,%fb%ff%01%02",
+        ] {
+            let rest = data_of_uri(data).unwrap();
+            assert_eq!(decode_data_uri(rest), Ok(vec![251, 255, 1, 2]), "{data}");
+        }
+        assert_eq!(decode_data_uri("text/plain,a%20b+c%"), Ok(b"a b+c%".to_vec()));
+        for broken in ["base64", ";base64,a", ";base64,!!!!", ";base64,ab=c"] {
+            assert!(decode_data_uri(broken).is_err(), "{broken}");
+        }
+        assert_eq!(data_of_uri("dat"), None);
+        assert_eq!(data_of_uri("a.bin"), None);
+        assert_eq!(data_of_uri("datä:"), None);
+    }
+
+    #[test]
     fn frames_fill_the_run() {
         let fill = |name: &str, frame| with_frame(name, frame, &Place::default());
         assert_eq!(fill("a.####.vdb", Some(17)).unwrap(), "a.0017.vdb");
@@ -102,5 +269,19 @@ mod tests {
         assert_eq!(fill("a.vdb", Some(5)).unwrap(), "a.vdb");
         assert!(fill("a.#.vdb", None).is_err());
         assert!(fill("a.#.#.vdb", Some(1)).is_err());
+        // A folder's name is a name.
+        assert_eq!(fill("a#1/b##c/d.##.vdb", Some(3)).unwrap(), "a#1/b##c/d.03.vdb");
+        assert_eq!(fill("a#1/b.vdb", None).unwrap(), "a#1/b.vdb");
+        let width = |n: usize| fill(&"#".repeat(n), Some(7));
+        assert_eq!(width(32).unwrap().len(), 32);
+        for run in [33, 65_535, 65_536, 1 << 20] {
+            assert!(matches!(width(run), Err(Error::Invalid { .. })), "{run}");
+        }
+        // A file of that very name needs no frame.
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("take#1#.vdb");
+        std::fs::write(&path, "").unwrap();
+        let name = path.to_string_lossy();
+        assert_eq!(fill(&name, None).unwrap(), name);
     }
 }

@@ -11,8 +11,9 @@ use pileus_media::{
     Albedo, BuildReport, Clamped, ColorGrid, EmissionField, GridMedium, HomogeneousMedium,
     Interpolation, Medium, Phase, VoxelGrid, VoxelGridOptions,
 };
-use pileus_vdb::{GridClass, GridInfo, Tree, ValueType, Values, VdbFile};
+use pileus_vdb::{GridClass, GridInfo, MetaValue, Tree, ValueType, Values, VdbFile};
 
+use crate::camera::corners;
 use crate::emission::EmissionParts;
 use crate::error::{Error, Place};
 use crate::flakes::FlakeGrids;
@@ -20,8 +21,8 @@ use crate::law::law;
 use crate::phase_spec::{CosineSpec, PhaseSpec};
 use crate::uri::with_frame;
 use crate::volume_spec::{
-    AlbedoSpec, DEFAULT_ALBEDO, DensitySpec, EmissionSpec, HomogeneousSpec, InterpolationSpec, Rgb,
-    TransformSpec, UpAxis, VolumeSpec,
+    AlbedoSpec, DEFAULT_ALBEDO, DensitySpec, EmissionSpec, HomogeneousSpec, InterpolationSpec,
+    RampNodeSpec, Rgb, TransformSpec, UpAxis, VolumeSpec,
 };
 
 /// A volume of the scene: a medium in world space and where it came from.
@@ -48,6 +49,8 @@ pub enum VolumeSource {
         grid: String,
         /// Extinction per scene unit where the grid is 1, before the channels' `extinction`.
         density_scale: f64,
+        /// The light and the albedo of a fire that nobody described, see [`DefaultScale::Cloud`].
+        fire: Option<Box<(EmissionSpec, f64)>>,
         /// What the render grid takes; shared by all volumes made of the same grid.
         build: BuildReport,
     },
@@ -74,7 +77,8 @@ pub struct VolumeRequest<'a> {
 pub enum DefaultScale {
     /// One per scene unit.
     One,
-    /// So that the volume looks like a cloud, see [`automatic_scale`].
+    /// So that the volume looks like a cloud, see [`automatic_scale`]; or like a fire if nothing is
+    /// said about light and the file has a grid `flame`, `flames`, `heat` or `temperature`.
     Cloud,
 }
 
@@ -87,6 +91,10 @@ type GridKey = (PathBuf, usize, Option<usize>, bool);
 pub struct VolumeLoader {
     files: HashMap<PathBuf, Arc<VdbFile>>,
     grids: HashMap<GridKey, Arc<VoxelGrid>>,
+    /// Albedos by file, grid, and grid of the density.
+    albedos: HashMap<(PathBuf, usize, String), Arc<ColorGrid>>,
+    /// What was chosen without being asked for, as sentences for people.
+    pub notes: Vec<String>,
     /// Seconds spent in reading files so far.
     pub seconds_load: f64,
     /// Seconds spent in building render grids so far.
@@ -151,7 +159,18 @@ impl VolumeLoader {
         let index_to_world =
             placement * affine(info.transform.matrix().map_err(|e| vdb_error("/vdb", e))?);
         let grid = self.grid(&file, &path, index, interpolation, &|| place("/vdb"))?;
-        let albedo = self.albedo(request, &file, &path, info)?;
+        self.note_grid(&file, &path, info, &density);
+        self.note_up_axis(request, info, &grid, &placement);
+        let fire = match (&spec.emission, request.default_scale) {
+            (None, DefaultScale::Cloud) => {
+                self.fire(&file, &path, interpolation, &placement, place)?
+            }
+            _ => None,
+        };
+        let albedo = match (&fire, &spec.albedo) {
+            (Some(_), None) => constant_albedo(Rgb::Grey(SOOT_ALBEDO), place).map(Albedo::Constant),
+            _ => self.albedo(request, &file, &path, info),
+        }?;
         let phase = self.phase(request, &file, &path, info, &placement)?;
         let law = law(spec, place)?;
         if phase.flakes().is_some() && matches!(spec.emission, Some(EmissionSpec::Blackbody { .. }))
@@ -166,8 +185,11 @@ impl VolumeLoader {
             Some(scale) => scale,
             None => match request.default_scale {
                 DefaultScale::One => 1.0,
-                DefaultScale::Cloud => automatic_scale(&grid, &index_to_world)
-                    .map_err(|source| Error::medium(place("/density"), source))?,
+                DefaultScale::Cloud => {
+                    let thin = if fire.is_some() { SOOT_SHARE } else { 1.0 };
+                    let scale = automatic_scale(&grid, &index_to_world);
+                    scale.map_err(|source| Error::medium(place("/density"), source))? * thin
+                }
             },
         };
         if !(scale >= 0.0 && scale.is_finite()) {
@@ -182,7 +204,7 @@ impl VolumeLoader {
         let medium = GridMedium::new(grid, index_to_world, sigma_t, albedo, phase)
             .map_err(|source| Error::medium(place(""), source))?
             .with_law(law);
-        let emission = match &spec.emission {
+        let emission = match spec.emission.as_ref().or(fire.as_ref()) {
             None => None,
             Some(emission) => {
                 let parts = EmissionParts {
@@ -203,8 +225,134 @@ impl VolumeLoader {
             name: name(request),
             medium: Arc::new(Medium::Grid(medium)),
             emission,
-            source: VolumeSource::Vdb { grid: info.full_name(), path, density_scale: scale, build },
+            source: VolumeSource::Vdb {
+                grid: info.full_name(),
+                path,
+                density_scale: scale,
+                fire: fire.map(|fire| Box::new((fire, SOOT_ALBEDO))),
+                build,
+            },
         })
+    }
+
+    /// Adds a note once, however many volumes are made alike.
+    fn note(&mut self, note: String) {
+        if !self.notes.contains(&note) {
+            self.notes.push(note);
+        }
+    }
+
+    /// Says which of several grids of one name was taken.
+    fn note_grid(&mut self, file: &VdbFile, path: &Path, taken: &GridInfo, asked: &DensitySpec) {
+        let alike: Vec<&GridInfo> =
+            file.grids().iter().filter(|info| info.name == taken.name).collect();
+        if alike.len() < 2 || asked.grid.as_ref().is_some_and(|name| *name != taken.name) {
+            return;
+        }
+        let described: Vec<String> = alike
+            .iter()
+            .take(8)
+            .map(|info| match box_by_metadata(info) {
+                Some((low, high)) => {
+                    format!("`{}` from {low:.3} to {high:.3}", info.full_name())
+                }
+                None => format!("`{}`", info.full_name()),
+            })
+            .collect();
+        self.note(format!(
+            "{}: {} grids are named `{}`, of which `{}` is taken: {} (`--grid` or `density` of the \
+             volume takes another)",
+            path.display(),
+            alike.len(),
+            taken.name,
+            taken.full_name(),
+            described.join(", ")
+        ));
+    }
+
+    /// Hints at files in which z is up, as in Blender: their plumes lie on their side.
+    fn note_up_axis(
+        &mut self,
+        request: &VolumeRequest<'_>,
+        info: &GridInfo,
+        grid: &VoxelGrid,
+        placement: &DAffine3,
+    ) {
+        if request.spec.up_axis.is_some() {
+            return;
+        }
+        let (Some(bounds), Ok(matrix)) = (grid.bounds_index(), info.transform.matrix()) else {
+            return;
+        };
+        let (low, high) = box_around(bounds, &affine(matrix));
+        let DVec3 { x, y, z } = high - low;
+        // Clouds are wide along any axis; what is tall is about as wide as deep.
+        let tall = z > 1.1 * x.max(y) && x.max(y) < 1.6 * x.min(y);
+        let lies =
+            (placement.matrix3 * DVec3::Z).try_normalize().is_some_and(|up| up.y.abs() < 0.5);
+        if tall && lies {
+            self.note(format!(
+                "volume `{}`: the box of `{}` is tallest along z ({x:.3} x {y:.3} x {z:.3}); if it lies \
+                 on its side, z is up in the file: `--up-axis z`, `up_axis` of the volume, or the \
+                 custom property `pileus_up_axis`",
+                name(request),
+                info.full_name()
+            ));
+        }
+    }
+
+    /// The light of a file that looks like a fire and about whose light nothing was said.
+    fn fire(
+        &mut self,
+        file: &VdbFile,
+        path: &Path,
+        interpolation: Interpolation,
+        placement: &DAffine3,
+        place: &dyn Fn(&str) -> Place,
+    ) -> Result<Option<EmissionSpec>, Error> {
+        let numbers = |info: &GridInfo| {
+            matches!(info.value_type, ValueType::Float | ValueType::Double | ValueType::Half)
+                && info.class != GridClass::LevelSet
+        };
+        let found = FIRES.iter().find_map(|name| {
+            let grids = file.grids();
+            grids.iter().position(|info| numbers(info) && info.name.eq_ignore_ascii_case(name))
+        });
+        let Some(index) = found else { return Ok(None) };
+        let info = grid_info(file, index, path)?;
+        let grid = self.grid(file, path, index, interpolation, &|| place("/emission"))?;
+        let (_, hottest) = grid.range();
+        let (hottest, background) = (f64::from(hottest), f64::from(grid.background()));
+        // Values far above 1 are kelvin; what is colder than the first glow is no fire.
+        let coldest =
+            if hottest > KELVIN { FIRST_GLOW.max(background) } else { background.max(0.0) };
+        if !(hottest > coldest) {
+            return Ok(None);
+        }
+        let error = |source| Error::vdb(place("/emission"), source);
+        let to_world = *placement * affine(info.transform.matrix().map_err(error)?);
+        let depth = median_depth(&grid, &to_world)
+            .map_err(|source| Error::medium(place("/emission"), source))?;
+        let scale = FIRE_RADIANCE * hottest / depth;
+        let scale = if scale.is_finite() && scale < 1e30 { scale } else { 1.0 };
+        let ramp = FIRE_RAMP.map(|(share, color)| RampNodeSpec {
+            value: coldest + (hottest - coldest) * share,
+            color: Rgb::Channels(color),
+        });
+        self.note(format!(
+            "{}: grid `{}` burns, since nothing was said about light: colours of fire for values from \
+             {coldest:.4} to {hottest:.4}, scale {scale:.4}, in soot of albedo {SOOT_ALBEDO} (a job \
+             with `emission` says otherwise)",
+            path.display(),
+            info.full_name()
+        ));
+        let grid = info.full_name();
+        Ok(Some(EmissionSpec::Grid {
+            grid,
+            color: None,
+            scale: Some(scale),
+            ramp: Some(ramp.into()),
+        }))
     }
 
     fn open(&mut self, path: &Path, place: &dyn Fn() -> Place) -> Result<Arc<VdbFile>, Error> {
@@ -321,6 +469,10 @@ impl VolumeLoader {
         let vdb_error = |source| Error::vdb(place("/albedo/grid"), source);
         let index = file.find(name).map_err(vdb_error)?;
         let info = grid_info(file, index, path)?;
+        let key = (path.to_owned(), index, density.full_name());
+        if let Some(grid) = self.albedos.get(&key) {
+            return Ok(Albedo::Grid(grid.clone()));
+        }
         let start = Instant::now();
         let values = file.read(index).map_err(vdb_error)?;
         self.seconds_load += start.elapsed().as_secs_f64();
@@ -340,7 +492,9 @@ impl VolumeLoader {
             );
         }
         self.seconds_build += start.elapsed().as_secs_f64();
-        Ok(Albedo::Grid(Arc::new(grid)))
+        let grid = Arc::new(grid);
+        self.albedos.insert(key, grid.clone());
+        Ok(Albedo::Grid(grid))
     }
 
     fn phase(
@@ -642,6 +796,24 @@ fn describe(info: &GridInfo) -> String {
     format!("`{}` ({}{level_set})", info.full_name(), info.value_type)
 }
 
+/// The box of a grid's active voxels in the file's world, by what its metadata say.
+fn box_by_metadata(info: &GridInfo) -> Option<(DVec3, DVec3)> {
+    let corner = |name: &str| match info.metadata.get(name) {
+        Some(MetaValue::Vec3i(corner)) => Some(DVec3::from_array(corner.map(f64::from))),
+        _ => None,
+    };
+    let (low, high) = (corner("file_bbox_min")?, corner("file_bbox_max")?);
+    Some(box_around((low, high), &affine(info.transform.matrix().ok()?)))
+}
+
+/// The box parallel to the axes around a box that was moved.
+fn box_around(bounds: (DVec3, DVec3), transform: &DAffine3) -> (DVec3, DVec3) {
+    let around = |(low, high): (DVec3, DVec3), corner: DVec3| (low.min(corner), high.max(corner));
+    corners(bounds)
+        .map(|corner| transform.transform_point3(corner))
+        .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), around)
+}
+
 /// Row vectors as OpenVDB writes them, `world = [i, j, k, 1] * M`, to an affine transform.
 pub fn affine(matrix: [[f64; 4]; 4]) -> DAffine3 {
     let [x, y, z, w] = matrix.map(|[a, b, c, _]| DVec3::new(a, b, c));
@@ -713,6 +885,26 @@ fn constant_albedo(rgb: Rgb, place: &dyn Fn(&str) -> Place) -> Result<[f32; 3], 
 /// Median optical depth that [`automatic_scale`] aims at.
 pub const CLOUD_OPTICAL_DEPTH: f64 = 20.0;
 
+/// Names of grids that say where there is fire, the clearest first.
+const FIRES: [&str; 4] = ["flame", "flames", "heat", "temperature"];
+/// Colours by the value of such a grid, from none to the largest: a picture of fire, no measurement.
+const FIRE_RAMP: [(f64, [f64; 3]); 4] = [
+    (0.0, [0.0; 3]),
+    (0.35, [0.1, 0.012, 0.0]),
+    (0.65, [0.55, 0.13, 0.01]),
+    (1.0, [1.0, 0.52, 0.14]),
+];
+/// What such a grid is scaled to: radiance times the length of typical rays, where it is hottest.
+const FIRE_RADIANCE: f64 = 3.0;
+/// Largest values above this are taken for kelvin.
+const KELVIN: f64 = 100.0;
+/// Where bodies begin to glow, kelvin (Draper's point, roughly).
+const FIRST_GLOW: f64 = 800.0;
+/// Albedo of the smoke around a fire that nobody described.
+const SOOT_ALBEDO: f64 = 0.6;
+/// Its optical depth as a share of that of a cloud: flames are seen through it.
+const SOOT_SHARE: f64 = 0.2;
+
 /// The extinction per scene unit at grid value 1 that makes a volume look like a cloud.
 ///
 /// The exact optical depths along a fixed lattice of rays through the volume's bounds, parallel to
@@ -722,12 +914,22 @@ pub fn automatic_scale(
     grid: &Arc<VoxelGrid>,
     index_to_world: &DAffine3,
 ) -> Result<f64, pileus_media::Error> {
+    let scale = CLOUD_OPTICAL_DEPTH / median_depth(grid, index_to_world)?;
+    Ok(if scale.is_finite() { scale } else { 1.0 })
+}
+
+/// The median of the optical depths at scale 1 that are not negligible, see [`automatic_scale`]; 0
+/// for a volume without density.
+fn median_depth(
+    grid: &Arc<VoxelGrid>,
+    index_to_world: &DAffine3,
+) -> Result<f64, pileus_media::Error> {
     /// Rays along each axis: 16 x 16.
     const SIDE: usize = 16;
     let albedo = Albedo::Constant([1.0; 3]);
     let medium =
         GridMedium::new(grid.clone(), *index_to_world, [1.0; 3], albedo, Phase::Isotropic)?;
-    let Some((low, high)) = medium.bounds_world() else { return Ok(1.0) };
+    let Some((low, high)) = medium.bounds_world() else { return Ok(0.0) };
     let size = high - low;
     let mut depths = Vec::with_capacity(3 * SIDE * SIDE);
     for axis in 0..3 {
@@ -751,7 +953,5 @@ pub fn automatic_scale(
     let largest = depths.iter().copied().fold(0.0f64, f64::max);
     depths.retain(|&depth| depth > 0.01 * largest);
     depths.sort_by(f64::total_cmp);
-    let median = depths.get(depths.len() / 2).copied().unwrap_or(0.0);
-    let scale = CLOUD_OPTICAL_DEPTH / median;
-    Ok(if scale.is_finite() { scale } else { 1.0 })
+    Ok(depths.get(depths.len() / 2).copied().unwrap_or(0.0))
 }

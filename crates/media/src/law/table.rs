@@ -108,9 +108,9 @@ impl Table {
             let Some(first) = words.next() else { continue };
             let pair = (first.parse::<f64>(), words.next().map(str::parse::<f64>), words.next());
             let (Ok(tau), Some(Ok(transmittance)), None) = pair else {
-                let shown: String = line.trim().chars().take(60).collect();
+                // The line is not shown: whose file it is is not known.
                 return Err(Error::invalid(
-                    format!("line {}: `{shown}` is not a pair of numbers", number + 1),
+                    format!("line {} is not a pair of numbers", number + 1),
                     "write an optical depth and a transmittance on each line; begin comments with #",
                 ));
             };

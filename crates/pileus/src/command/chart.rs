@@ -119,6 +119,7 @@ fn transmittance(options: &ChartTransmittanceOptions, report: &Report) -> Result
             grid: options.grid.clone(),
             density_scale: options.density_scale,
             up_axis: None,
+            camera: None,
         };
         let prepared = prepare(&input, &Overrides::default())?;
         let grids: Vec<_> = prepared

@@ -358,7 +358,7 @@ fn gltf_json(scene: &GltfScene) -> Value {
         .map(|volume| {
             json!({
                 "node": volume.node,
-                "volume": volume.spec,
+                "volume": *volume.spec,
                 "matrix": matrix(&volume.to_world),
             })
         })
@@ -368,6 +368,7 @@ fn gltf_json(scene: &GltfScene) -> Value {
         "cameras": cameras,
         "lights": scene.lights.iter().map(light_json).collect::<Vec<_>>(),
         "volumes": volumes,
+        "warnings": scene.warnings,
         "not_modelled": scene.not_modelled,
     })
 }
@@ -394,12 +395,13 @@ fn gltf_text(path: &Path, scene: &GltfScene) -> String {
         lines.push(format!("light {}", light_json(light)));
     }
     for volume in &scene.volumes {
-        let spec = serde_json::to_string(&volume.spec).unwrap_or_default();
+        let spec = serde_json::to_string(&*volume.spec).unwrap_or_default();
         lines.push(format!(
             "volume `{}`: {spec}, at {:.4}",
             volume.node, volume.to_world.translation
         ));
     }
+    lines.extend(scene.warnings.iter().map(|item| format!("warning: {item}")));
     lines.extend(scene.not_modelled.iter().map(|item| format!("not modelled: {item}")));
     lines.join("\n")
 }

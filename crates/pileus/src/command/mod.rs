@@ -43,17 +43,22 @@ fn prepare_by(
     input: &InputOptions,
     overrides: &Overrides,
 ) -> Result<Prepared, Failure> {
+    let camera = &input.camera;
     let input = Input::open(&input.input, &input.vdb_options())?;
-    let mut settings = Settings::resolve(input, overrides)?;
+    let overrides = Overrides { camera: camera.clone(), ..overrides.clone() };
+    let mut settings = Settings::resolve(input, &overrides)?;
     let loaded = settings.load()?;
     for note in &loaded.notes {
         tracing::info!("{note}");
+    }
+    for warning in &loaded.warnings {
+        tracing::warn!("{warning}");
     }
     for item in &loaded.scene.not_modelled {
         tracing::warn!("not modelled: {item}");
     }
     for volume in &loaded.scene.volumes {
-        if let VolumeSource::Vdb { path, grid, density_scale, build } = &volume.source {
+        if let VolumeSource::Vdb { path, grid, density_scale, build, .. } = &volume.source {
             tracing::debug!(
                 "volume `{}`: grid `{grid}` of {}, scale {density_scale}, {} bricks, {:.1} MB of voxels, {:.2} MB of bounds, built in {:.4} s of which bounds {:.4} s",
                 volume.name,

@@ -7,6 +7,7 @@ mod errors;
 mod images;
 mod info;
 mod interrupt;
+mod others;
 mod probe;
 mod reference;
 
