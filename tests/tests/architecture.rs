@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 const MAY_USE: [(&str, &[&str]); 8] = [
     ("pileus-vdb", &[]),
     ("pileus-media", &["pileus-vdb"]),
-    ("pileus-scene", &["pileus-vdb", "pileus-media"]),
+    ("pileus-scene", &["pileus-vdb", "pileus-media", "pileus-film"]),
     ("pileus-film", &[]),
     ("pileus-integrator", &["pileus-media", "pileus-scene", "pileus-film"]),
     (

@@ -10,6 +10,7 @@ use exr::prelude::WritableImage;
 use half::f16;
 
 use crate::atomic::write_atomically;
+use crate::color_space::{COLOR_INTEROP_ID, LIN_REC_709};
 use crate::error::Error;
 use crate::image::{Channel, Image, MetaValue, Window};
 
@@ -57,7 +58,7 @@ const MAX_TEXT: usize = 1 << 24;
 /// Writes all channels to one part of an EXR file, beside the target and renamed.
 ///
 /// Data and display window are those of the image, chromaticities those of Rec. 709 with white
-/// D65. 32-bit values, NaN and infinity included, are stored bit for bit; 16-bit values are rounded
+/// D65, `colorInteropID` is `lin_rec709_scene`. 32-bit values, NaN and infinity included, are stored bit for bit; 16-bit values are rounded
 /// to nearest and clamped to 65504 in magnitude, since an infinite pixel spoils every filter that
 /// touches it later. Equal input gives equal bytes.
 ///
@@ -94,6 +95,9 @@ pub fn write_exr(path: &Path, image: &Image, settings: &ExrSettings) -> Result<E
             }
         }
     }
+    attributes
+        .other
+        .insert(text(COLOR_INTEROP_ID), x::attribute::AttributeValue::Text(text(LIN_REC_709)));
     let encoding = x::Encoding {
         compression: match settings.compression {
             ExrCompression::Zip => x::Compression::ZIP16,
@@ -196,7 +200,8 @@ fn check_metadata(metadata: &[(String, MetaValue)]) -> Result<(), Error> {
                 "use 1 to 255 printable ASCII characters",
             );
         }
-        let reserved = exr::meta::header::standard_names::ALL.contains(&key.as_bytes());
+        let reserved = exr::meta::header::standard_names::ALL.contains(&key.as_bytes())
+            || key == COLOR_INTEROP_ID;
         let allowed = matches!(value, MetaValue::Text(_))
             && named_text(&mut x::LayerAttributes::default(), key).is_some();
         if reserved && !allowed {

@@ -1,5 +1,6 @@
 //! Images as named planes of 32-bit floats.
 
+use crate::color_channels::color_channels;
 use crate::error::Error;
 
 /// Most values an image may have over all channels, 2^30 (4 GiB).
@@ -214,12 +215,11 @@ impl Image {
         }
     }
 
-    /// The planes of R, G and B; Y three times for a grey image; None if it has neither.
+    /// The planes of the image's colour, by the names of its channels ([`color_channels`]); one plane
+    /// three times for a grey image, None if no channels are known to be its colour.
     pub fn rgb_planes(&self) -> Option<[&[f32]; 3]> {
-        match (self.channel("R"), self.channel("G"), self.channel("B")) {
-            (Some(r), Some(g), Some(b)) => Some([r, g, b]),
-            _ => self.channel("Y").map(|y| [y; 3]),
-        }
+        let found = color_channels(self.channels.iter().map(|c| c.name.as_str()))?;
+        Some(found.rgb.map(|index| self.channels[index].samples.as_slice()))
     }
 
     /// Metadata by name.

@@ -3,11 +3,15 @@
 
 mod atomic;
 mod checksum;
+mod color_channels;
+mod color_space;
 mod error;
+mod exr_header;
 mod exr_read;
 mod exr_write;
 mod film;
 mod filter;
+mod guard;
 mod image;
 mod moments;
 mod preview;
@@ -17,11 +21,15 @@ mod tone;
 mod turns;
 
 pub use crate::atomic::write_atomically;
+pub use crate::color_channels::{ColorChannels, color_channels};
+pub use crate::color_space::{Chromaticities, ColorSpace, Remarks};
 pub use crate::error::Error;
-pub use crate::exr_read::read_exr;
+pub use crate::exr_header::{ExrChannel, ExrHeader, ExrPart, read_exr_header};
+pub use crate::exr_read::{read_exr, read_exr_color};
 pub use crate::exr_write::{ExrCompression, ExrReport, ExrSettings, write_exr};
 pub use crate::film::{Crop, Film, MAX_PIXELS};
 pub use crate::filter::Filter;
+pub use crate::guard::{DecoderPanic, guarded};
 pub use crate::image::{Channel, Image, MAX_CHANNELS, MAX_SAMPLES, MetaValue, Window};
 pub use crate::moments::{
     ALPHA_LIMIT, ALPHA_QUANTUM, PixelMoments, PixelSample, RADIANCE_LIMIT, RADIANCE_QUANTUM,

@@ -17,14 +17,17 @@ use crate::tone::ToneMap;
 /// or over its own background.
 ///
 /// # Errors
-/// [`Error::Invalid`] if the image has neither R, G, B nor Y.
+/// [`Error::Invalid`] if no channels are known to be the image's colour.
 pub fn preview_rgb8(image: &Image, tone: &ToneMap) -> Result<Vec<u8>, Error> {
     let Some([r, g, b]) = image.rgb_planes() else {
         let names: Vec<_> = image.channels().iter().map(|c| c.name.as_str()).collect();
         return Err(Error::invalid(
             "image",
-            format!("it has neither R, G, B nor Y; its channels are {}", names.join(", ")),
-            "rename the channels to show",
+            format!(
+                "it has no colour that is known by name; its channels are {}",
+                names.join(", ")
+            ),
+            "rename the channels to show to R, G and B, or Y",
         ));
     };
     let mut bytes = Vec::with_capacity(3 * image.pixel_count());

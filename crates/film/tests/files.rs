@@ -106,9 +106,13 @@ fn grey_images_are_shown_and_colourless_ones_refused() {
     grey.set("Y", 0, 0, 0.5);
     let tone = ToneMap { exposure_stops: 0.0, curve: Curve::Srgb };
     assert_eq!(preview_rgb8(&grey, &tone).unwrap(), [188; 3]);
-    let depth = Image::new(1, 1, &["Z"]).unwrap();
-    let error = preview_rgb8(&depth, &tone).unwrap_err();
-    assert!(error.to_string().contains("its channels are Z"), "{error}");
+    // A single channel is grey, whatever its name; of two without a meaning none is.
+    let mut single = Image::new(1, 1, &["V"]).unwrap();
+    single.set("V", 0, 0, 0.5);
+    assert_eq!(preview_rgb8(&single, &tone).unwrap(), [188; 3]);
+    let motion = Image::new(1, 1, &["X", "Z"]).unwrap();
+    let error = preview_rgb8(&motion, &tone).unwrap_err();
+    assert!(error.to_string().contains("its channels are X, Z"), "{error}");
 }
 
 #[test]

@@ -16,7 +16,7 @@ pub enum Error {
         b: [u32; 2],
     },
     /// An image without colour.
-    #[error("the {image} has neither R, G, B nor Y; its channels are {names}")]
+    #[error("the {image} has no colour that is known by name; its channels are {names}")]
     Channels {
         /// Which image.
         image: &'static str,

@@ -4,7 +4,7 @@ use pileus_film::Image;
 
 use crate::error::Error;
 
-/// The colour planes of one image: R, G, B, or Y three times.
+/// The colour planes of one image: R, G, B, or grey three times.
 pub(crate) type Planes<'a> = [&'a [f32]; 3];
 
 /// Colour planes of an image that is called `role` in errors.

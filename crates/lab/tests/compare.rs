@@ -109,7 +109,7 @@ fn images_that_cannot_be_compared_are_errors() {
     let a = constant(4, 4, [1.0; 3]);
     let size = compare(&a, &constant(4, 5, [1.0; 3])).unwrap_err();
     assert!(size.to_string().contains("4 x 4 and 4 x 5"), "{size}");
-    let depth = Image::new(4, 4, &["Z"]).unwrap();
+    let depth = Image::new(4, 4, &["X", "Z"]).unwrap();
     let channels = compare(&a, &depth).unwrap_err();
     assert!(channels.to_string().contains("second image") && channels.to_string().contains("Z"));
     let small = constant(2, 2, [1.0; 3]);

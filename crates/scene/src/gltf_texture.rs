@@ -13,6 +13,7 @@ use serde::Deserialize;
 
 use crate::error::Error;
 use crate::gltf_buffer::{Buffers, Resource};
+use crate::image_guard;
 use crate::surface::{Image, Texels, Texture, Wrap, srgb_to_linear};
 
 /// A reference to a texture (`textureInfo`).
@@ -214,7 +215,7 @@ impl<'a> Textures<'a> {
                 "export images as PNG or JPEG",
             ));
         };
-        let damaged = |error: image::ImageError| {
+        let damaged = |error: String| {
             Error::invalid(
                 place(),
                 format!("the image cannot be decoded: {error}"),
@@ -230,7 +231,7 @@ impl<'a> Textures<'a> {
             reader.limits(limits.clone());
             reader
         };
-        let (width, height) = reader().into_dimensions().map_err(damaged)?;
+        let (width, height) = image_guard::run(|| reader().into_dimensions()).map_err(damaged)?;
         let texels = self.texels.saturating_add(u64::from(width) * u64::from(height));
         if texels > MAX_TEXELS || width > MAX_SIDE || height > MAX_SIDE {
             return Err(Error::unsupported(
@@ -241,7 +242,8 @@ impl<'a> Textures<'a> {
                 ),
             ));
         }
-        Ok((reader().decode().map_err(damaged)?, texels))
+        image_guard::check(bytes, format, width, height).map_err(damaged)?;
+        Ok((image_guard::run(|| reader().decode()).map_err(damaged)?, texels))
     }
 }
 

@@ -137,6 +137,15 @@ impl Fault {
         Fault::new(FaultKind::Invalid, offset, what.into(), REWRITE)
     }
 
+    /// An invalid file that was not damaged on its way, but written so.
+    pub(crate) fn invalid_with(
+        offset: u64,
+        what: impl Into<String>,
+        remedy: &'static str,
+    ) -> Fault {
+        Fault::new(FaultKind::Invalid, offset, what.into(), remedy)
+    }
+
     pub(crate) fn unsupported(offset: u64, what: impl Into<String>, remedy: &'static str) -> Fault {
         Fault::new(FaultKind::Unsupported, offset, what.into(), remedy)
     }

@@ -9,6 +9,7 @@ mod compression;
 mod convert;
 mod cursor;
 mod error;
+mod foreign;
 mod grid;
 mod leaves;
 mod lookup;

@@ -7,6 +7,7 @@ use half::f16;
 
 use crate::cursor::Cursor;
 use crate::error::{Error, Fault, Place, REWRITE, shown};
+use crate::foreign;
 use crate::grid::{Descriptor, Grid, GridInfo, ValueType, Values, split_suffix};
 use crate::leaves::{self, LeafLayout};
 use crate::metadata::Metadata;
@@ -43,9 +44,10 @@ struct Header {
 
 impl Header {
     fn read(cursor: &mut Cursor<'_>) -> Result<Header, Fault> {
-        let remedy = "give the path of a file written by OpenVDB";
+        let mut start = cursor.at(0);
         if cursor.i64("the magic number").ok() != Some(MAGIC) {
-            return Err(Fault::unsupported(0, "this is no VDB file", remedy));
+            let bytes = start.take(start.remaining(), "the file")?;
+            return Err(foreign::fault(bytes));
         }
         let start = cursor.offset();
         let version = cursor.u32("the version")?;

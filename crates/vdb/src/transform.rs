@@ -190,6 +190,14 @@ fn read_map(cursor: &mut Cursor<'_>) -> Result<(TransformKind, [[f64; 4]; 4]), F
                 *row = cursor.f64s("an affine map")?;
             }
             if matrix.map(|row| row[3]) != [0.0, 0.0, 0.0, 1.0] {
+                if matrix[3] == [0.0, 0.0, 0.0, 1.0] {
+                    return Err(Fault::invalid_with(
+                        start,
+                        "the matrix of the transform has its translation in the last column: it is \
+                         written for column vectors; OpenVDB's are rows",
+                        "write the grid again with the matrix transposed, or without rotation",
+                    ));
+                }
                 return Err(Fault::invalid(start, "the matrix of the transform is not affine"));
             }
             matrix
@@ -291,5 +299,17 @@ mod tests {
     fn unknown_and_projective_maps_are_errors() {
         assert!(read(&file_of("QuadraticMap", &[0.0; 16])).is_err());
         assert!(read(&file_of("AffineMap", &[1.0; 16])).is_err());
+    }
+
+    #[test]
+    fn a_matrix_for_column_vectors_is_named() {
+        // A turn about z and a translation by (1, 2, 3), transposed.
+        let turned =
+            [0.0, -1.0, 0.0, 1.0, 1.0, 0.0, 0.0, 2.0, 0.0, 0.0, 1.0, 3.0, 0.0, 0.0, 0.0, 1.0];
+        let error = read(&file_of("AffineMap", &turned)).unwrap_err().into_error("a.vdb", None);
+        let text = error.to_string();
+        assert!(matches!(error, Error::Invalid { .. }));
+        assert!(text.contains("for column vectors; OpenVDB's are rows"), "{text}");
+        assert!(text.contains("transposed") && !text.contains("damaged"), "{text}");
     }
 }
