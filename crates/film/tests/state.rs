@@ -7,7 +7,7 @@ fn state() -> (Film, Vec<u8>) {
     let mut tile = Tile::new(0, 0, 3, 2);
     for i in 0..60 {
         let v = 0.1 + i as f32;
-        tile.add(i % 3, i / 3 % 2, &PixelSample { rgb: [v, -v, v * v], alpha: 0.3 });
+        tile.add(i % 3, i / 3 % 2, u64::from(i / 6), &PixelSample { rgb: [v, -v, v * v], alpha: 0.3 });
     }
     film.add_tile(&tile);
     film.commit_pass(10);
@@ -75,7 +75,7 @@ fn sizes_in_the_header_do_not_allocate() {
     let (_, bytes) = state();
     let sizes = 16 + 20;
     let mut huge = bytes.clone();
-    // 16384 x 16384 pixels would be 32 GiB; there are bytes for six.
+    // 16384 x 16384 pixels would be 137 GiB; there are bytes for six.
     for at in [0, 4, 16, 20] {
         huge[sizes + at..][..4].copy_from_slice(&16384u32.to_le_bytes());
     }
