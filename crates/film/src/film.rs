@@ -252,9 +252,5 @@ impl Film {
 
 /// The nearest of the floats that say the same: infinite, positive and finite, or zero.
 fn variance_as_f32(v: f64) -> f32 {
-    if v > 0.0 && v.is_finite() {
-        (v as f32).clamp(f32::from_bits(1), f32::MAX)
-    } else {
-        v as f32
-    }
+    if v > 0.0 && v.is_finite() { (v as f32).clamp(f32::from_bits(1), f32::MAX) } else { v as f32 }
 }
