@@ -143,7 +143,7 @@ fn a_sample_is_what_the_render_adds() {
         for (x, y) in [(0, 0), (31, 30), (20, 25)] {
             let mut moments = pileus_film::PixelMoments::default();
             for sample in 0..3 {
-                moments.add(&sample_pixel(&scene, &plan, &settings, [x, y], sample));
+                moments.add(sample, &sample_pixel(&scene, &plan, &settings, [x, y], sample));
             }
             assert_eq!(film.pixel(x, y), Some(&moments));
         }

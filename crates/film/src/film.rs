@@ -5,7 +5,7 @@ use crate::image::{Image, Window};
 use crate::moments::PixelMoments;
 use crate::tile::Tile;
 
-/// Most pixels a film may have, 2^28 (16384 x 16384; 32 GiB of sums).
+/// Most pixels a film may have, 2^28 (16384 x 16384; 138 GiB of sums).
 pub const MAX_PIXELS: u64 = 1 << 28;
 
 /// The part of the full image that is rendered, in pixels from its top left corner.
@@ -86,7 +86,7 @@ impl Film {
         self.pixels.try_reserve_exact(additional).map_err(|_| {
             Error::too_large(
                 "film",
-                format!("no memory for {additional} pixels of 128 bytes"),
+                format!("no memory for {additional} pixels of 552 bytes"),
                 "lower the resolution or render the image in crop windows",
             )
         })
@@ -148,7 +148,7 @@ impl Film {
         self.samples
     }
 
-    /// Samples left out of the means so far: not finite, out of range, or outside the window.
+    /// Samples left out of the means so far: not finite, or outside the window.
     pub fn dropped(&self) -> u64 {
         self.dropped
     }
@@ -168,8 +168,8 @@ impl Film {
     /// That the two hold different samples is for the caller to know.
     ///
     /// # Errors
-    /// Another resolution or crop window, or more than 2^32 - 1 samples in a pixel; the film is
-    /// then unchanged.
+    /// Another resolution or crop window, or more than 2^29 - 1 samples in a replicate of a pixel;
+    /// the film is then unchanged.
     pub fn merge(&mut self, other: &Self) -> Result<(), Error> {
         if self.resolution != other.resolution || self.crop != other.crop {
             return Err(Error::invalid(
@@ -181,12 +181,10 @@ impl Film {
                 "merge slices of one job only",
             ));
         }
-        let full =
-            |(a, b): (&PixelMoments, &PixelMoments)| a.count().checked_add(b.count()).is_none();
-        if self.pixels.iter().zip(&other.pixels).any(full) {
+        if !self.pixels.iter().zip(&other.pixels).all(|(a, b)| a.has_room_for(b)) {
             return Err(Error::too_large(
                 "film",
-                "a pixel would exceed 2^32 - 1 samples",
+                "a pixel would exceed 2^32 - 8 samples",
                 "merge fewer slices",
             ));
         }
@@ -202,20 +200,25 @@ impl Film {
     ///
     /// The image has the size of the crop window and is placed in the full image.
     pub fn image(&self) -> Image {
-        self.planes(PixelMoments::mean)
+        self.planes(|pixel| pixel.mean().map(|v| v as f32))
     }
 
-    /// The estimated variance of every mean as channels R, G, B, A; infinite below two samples.
+    /// The estimated variance of every mean as channels R, G, B, A.
+    ///
+    /// Infinite means unknown (fewer than two samples). What is known but leaves the range of
+    /// 32-bit floats stays known: variances above 3.4e38 (noise above 1.8e19) are written as the
+    /// largest finite float, those below 1.4e-45 that are not zero as the smallest. See
+    /// [`PixelMoments::variance_of_mean`].
     pub fn variance(&self) -> Image {
-        self.planes(PixelMoments::variance_of_mean)
+        self.planes(|pixel| pixel.variance_of_mean().map(variance_as_f32))
     }
 
-    fn planes(&self, value: impl Fn(&PixelMoments) -> [f64; 4]) -> Image {
+    fn planes(&self, value: impl Fn(&PixelMoments) -> [f32; 4]) -> Image {
         let mut planes: [Vec<f32>; 4] =
             std::array::from_fn(|_| Vec::with_capacity(self.pixels.len()));
         for pixel in &self.pixels {
             for (plane, v) in planes.iter_mut().zip(value(pixel)) {
-                plane.push(v as f32);
+                plane.push(v);
             }
         }
         let Crop { x0, y0, width, height } = self.crop;
@@ -245,4 +248,9 @@ impl Film {
         (column < u64::from(self.crop.width) && row < u64::from(self.crop.height))
             .then(|| row as usize * self.crop.width as usize + column as usize)
     }
+}
+
+/// The nearest of the floats that say the same: infinite, positive and finite, or zero.
+fn variance_as_f32(v: f64) -> f32 {
+    if v > 0.0 && v.is_finite() { (v as f32).clamp(f32::from_bits(1), f32::MAX) } else { v as f32 }
 }

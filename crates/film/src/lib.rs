@@ -31,10 +31,7 @@ pub use crate::film::{Crop, Film, MAX_PIXELS};
 pub use crate::filter::Filter;
 pub use crate::guard::{DecoderPanic, guarded};
 pub use crate::image::{Channel, Image, MAX_CHANNELS, MAX_SAMPLES, MetaValue, Window};
-pub use crate::moments::{
-    ALPHA_LIMIT, ALPHA_QUANTUM, PixelMoments, PixelSample, RADIANCE_LIMIT, RADIANCE_QUANTUM,
-    SQUARE_QUANTUM,
-};
+pub use crate::moments::{PixelMoments, PixelSample, REPLICATES};
 pub use crate::preview::{png_bytes, preview_rgb8, write_png};
 pub use crate::state::{MAX_STATE_HEADER, STATE_VERSION};
 pub use crate::tile::Tile;

@@ -1,43 +1,85 @@
-//! Sums of one pixel in fixed point: any split of its samples, in any order, gives the same bits.
+//! Sums of one pixel in integers: any split of its samples, in any order, gives the same bits.
 //!
 //! Floating-point addition is not associative, so a render that is split over threads, machines or
-//! sessions would differ from the whole in its last bits. Integers do not have that fault. Each
-//! sample is rounded once, to nearest, to a multiple of a quantum, and from then on everything is
-//! exact.
+//! sessions would differ from the whole in its last bits. Integers do not have that fault.
 //!
-//! | quantity | range of one sample | quantum | accumulator |
-//! | --- | --- | --- | --- |
-//! | radiance | below 2^30 in magnitude (about 1.07e9) | 2^-64 (5.4e-20) | 128 bit, signed |
-//! | its square | below 2^60 | 2^-68 (3.4e-21) | 160 bit |
-//! | alpha | at most 16 in magnitude | 2^-27 (7.5e-9) | 64 bit, signed |
-//! | its square | at most 256 | 2^-24 (6.0e-8) | 64 bit |
+//! Every finite 32-bit float is kept, whatever its size. Steps are powers of two, 2^31 apart: step
+//! `k` is 2^(31 k - 150), so that nine of them span all floats. A sum has two bins, of two
+//! neighbouring steps, that is 62 bits of values at a time; which two, its window, follows from the
+//! largest sample that it has met. A sample is rounded to the upper step, what remains to the
+//! lower one, and both integers are added. When a sample is too large for the window the window
+//! moves up: the upper bin becomes the lower one and the former lower one is forgotten. What the
+//! bins hold in the end depends on the set of samples alone: any smaller sample, rounded to the
+//! upper steps, would have been the integer that moved there (zero, two windows up).
 //!
-//! With these widths 2^32 - 1 samples at the end of the range cannot overflow. A 32-bit float has
-//! 24 significant bits, so radiance from 2^-41 (4.5e-13) upwards is summed without any rounding,
-//! and its square (48 bits) from 2^-10.5 (7e-4) upwards; below, a sample errs by at most half a
-//! quantum. A pixel takes 128 bytes: 265 MB at 1920 x 1080, 1.06 GB at 3840 x 2160.
+//! So each sample is rounded once to 2^-31 of the largest sample of its pixel and channel, or
+//! finer, up to 2^-62; the samples within 2^7 of the largest, with 24 significant bits as they
+//! have, are not rounded at all. A bin has room for 2^32 samples. This is the binned summation of
+//! Demmel and Nguyen ("Parallel Reproducible Summation", 2015) in integers.
+//!
+//! Variances come from replicates. A pixel's samples are stratified, and the spread of single
+//! samples then says how far a mean of independent samples would be off, up to seven times more
+//! than theirs is. So sums are kept per replicate, see [`REPLICATES`].
+//!
+//! A pixel takes 552 bytes (548 in a state file): 1.14 GB at 1920 x 1080.
 
-/// Radiance of this magnitude or more is not added (2^30).
-pub const RADIANCE_LIMIT: f32 = (1u64 << 30) as f32;
-/// Alpha beyond this magnitude is not added.
+/// Replicates of a pixel: sample number `s` belongs to replicate `s` modulo 8.
 ///
-/// Alpha lies in `[0, 1]`; estimators of transmittance that are unbiased but not bounded may leave
-/// that range, and clamping them would bias the mean.
-pub const ALPHA_LIMIT: f32 = 16.0;
-/// Step of a summed radiance, 2^-64.
-pub const RADIANCE_QUANTUM: f64 = 1.0 / RADIANCE_SCALE;
-/// Step of a summed square of radiance, 2^-68.
-pub const SQUARE_QUANTUM: f64 = 1.0 / SQUARE_SCALE;
-/// Step of a summed alpha, 2^-27.
-pub const ALPHA_QUANTUM: f64 = 1.0 / ALPHA_SCALE;
+/// The samples of one replicate may depend on each other in any way that makes their mean better
+/// than that of independent ones; those of different replicates must be independent.
+pub const REPLICATES: usize = 8;
 
-const RADIANCE_SCALE: f64 = (1u128 << 64) as f64;
-const SQUARE_SCALE: f64 = (1u128 << 68) as f64;
-const ALPHA_SCALE: f64 = (1u64 << 27) as f64;
-const ALPHA_SQUARE_SCALE: f64 = (1u64 << 24) as f64;
+/// Binary digits between one step and the next.
+const BIN_BITS: i32 = 31;
+/// The lowest step is two to this power, half of the smallest float.
+const LOWEST_STEP: i32 = -150;
+/// The window of the largest finite floats; the first is 0.
+const LAST_WINDOW: u8 = 8;
+/// Most samples of one replicate: 2^32 - 8 in a pixel.
+const MOST_SAMPLES: u32 = (1 << 29) - 1;
+/// Largest magnitude of what one sample adds to a bin.
+const MOST_ADDED: u64 = 1 << (BIN_BITS - 1);
 
-/// Bytes of one pixel in memory and in a state file.
-pub(crate) const PIXEL_BYTES: usize = 128;
+/// Bytes of one pixel in a state file.
+pub(crate) const PIXEL_BYTES: usize = 2 * 8 * 4 * REPLICATES + 4 * REPLICATES + 4;
+
+/// Two to the power of `exponent`, for normal numbers.
+const fn power_of_two(exponent: i32) -> f64 {
+    f64::from_bits(((1023 + exponent) as u64) << 52)
+}
+
+/// One over the upper step of each window.
+const SCALES: [f64; LAST_WINDOW as usize + 1] = {
+    let mut scales = [0.0; LAST_WINDOW as usize + 1];
+    let mut window = 0;
+    while window < scales.len() {
+        scales[window] = power_of_two(-(BIN_BITS * window as i32 + LOWEST_STEP));
+        window += 1;
+    }
+    scales
+};
+
+/// The lower step of a window, which counts sums of whole pixels.
+fn lower_step(window: u8) -> f64 {
+    power_of_two(BIN_BITS * (i32::from(window) - 1) + LOWEST_STEP)
+}
+
+/// The lowest window for a finite float: below half the step above the window's two.
+#[inline]
+fn window_of(v: f32) -> u8 {
+    // |v| < 2^(exponent - 126), for denormal numbers (exponent 0) too. It is to be at most
+    // 2^(31 (window + 1) - 151).
+    let exponent = (v.to_bits() >> 23) & 0xff;
+    ((exponent + 24) / 31) as u8
+}
+
+/// The nearest integer, ties to even, of a magnitude up to 2^31.
+#[inline]
+fn nearest(v: f64) -> f64 {
+    // Adding 1.5 * 2^52 leaves no binary places; the rounding of the addition is the one wanted.
+    const SHIFT: f64 = 6_755_399_441_055_744.0;
+    (v + SHIFT) - SHIFT
+}
 
 /// One estimate of what a pixel sees.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -48,130 +90,160 @@ pub struct PixelSample {
     pub alpha: f32,
 }
 
-/// Sums and sums of squares of the samples of one pixel, exact and associative.
+/// Sums of the samples of one pixel, per replicate, exact and associative.
 ///
 /// ```
 /// use pileus_film::{PixelMoments, PixelSample};
 ///
-/// let samples = [0.1f32, 0.7, 1e-7, 3e5].map(|v| PixelSample { rgb: [v; 3], alpha: 1.0 });
+/// let samples = [0.1f32, 0.7, 1e-7, 3e35].map(|v| PixelSample { rgb: [v; 3], alpha: 1.0 });
 /// let (mut whole, mut left, mut right) = <(PixelMoments, PixelMoments, PixelMoments)>::default();
-/// for (i, s) in samples.iter().enumerate() {
-///     whole.add(s);
-///     if i % 2 == 0 { left.add(s) } else { right.add(s) };
+/// for (number, s) in (0..).zip(&samples) {
+///     whole.add(number, s);
+///     if number % 2 == 0 { left.add(number, s) } else { right.add(number, s) };
 /// }
 /// right.merge(&left);
 /// assert_eq!(whole, right);
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PixelMoments {
-    sum: [i128; 3],
-    square_low: [u128; 3],
-    square_high: [u32; 3],
-    count: u32,
-    alpha: i64,
-    alpha_square: u64,
+    /// Per replicate, then R, G, B and alpha: sums in the upper steps.
+    high: [[i64; 4]; REPLICATES],
+    /// What remains, in the lower steps.
+    low: [[i64; 4]; REPLICATES],
+    count: [u32; REPLICATES],
+    window: [u8; 4],
 }
 
 impl PixelMoments {
-    /// Adds one sample; false if it is not finite, out of range or one too many, and left out.
-    pub fn add(&mut self, sample: &PixelSample) -> bool {
-        // Written so that NaN fails the comparison.
-        let in_range = sample.rgb.iter().all(|v| v.abs() < RADIANCE_LIMIT)
-            && sample.alpha.abs() <= ALPHA_LIMIT
-            && self.count < u32::MAX;
-        if !in_range {
+    /// Adds the sample of a number; false if a value is not finite, or if it is one too many for
+    /// its replicate (2^29 - 1), and left out.
+    ///
+    /// The number tells the replicate alone: that no sample is added twice is for the caller to
+    /// know.
+    #[inline]
+    pub fn add(&mut self, number: u64, sample: &PixelSample) -> bool {
+        let [r, g, b] = sample.rgb;
+        let values = [r, g, b, sample.alpha];
+        let replicate = (number % REPLICATES as u64) as usize;
+        let count = &mut self.count[replicate];
+        if !values.iter().all(|v| v.is_finite()) || *count >= MOST_SAMPLES {
             return false;
         }
-        // Sums of valid samples cannot wrap (see the table above); those of a doctored state file
-        // may, and must not panic.
-        for (channel, &v) in sample.rgb.iter().enumerate() {
-            let v = f64::from(v);
-            let step = (v * RADIANCE_SCALE).round_ties_even() as i128;
-            self.sum[channel] = self.sum[channel].wrapping_add(step);
-            // The square of a 24-bit significand is exact in 53 bits.
-            let square = (v * v * SQUARE_SCALE).round_ties_even() as u128;
-            let (low, carry) = self.square_low[channel].overflowing_add(square);
-            self.square_low[channel] = low;
-            self.square_high[channel] = self.square_high[channel].wrapping_add(u32::from(carry));
+        *count += 1;
+        for (channel, &v) in values.iter().enumerate() {
+            let window = window_of(v);
+            if window > self.window[channel] {
+                self.raise(channel, window);
+            }
+            // Exact but for the two roundings: a power of two, and differences of few digits.
+            let scaled = f64::from(v) * SCALES[usize::from(self.window[channel])];
+            let high = nearest(scaled);
+            let low = nearest((scaled - high) * const { power_of_two(BIN_BITS) });
+            self.high[replicate][channel] += high as i64;
+            self.low[replicate][channel] += low as i64;
         }
-        let alpha = f64::from(sample.alpha);
-        let step = (alpha * ALPHA_SCALE).round_ties_even() as i64;
-        self.alpha = self.alpha.wrapping_add(step);
-        let step = (alpha * alpha * ALPHA_SQUARE_SCALE).round_ties_even() as u64;
-        self.alpha_square = self.alpha_square.wrapping_add(step);
-        self.count += 1;
         true
+    }
+
+    /// Moves the window of a channel up.
+    #[cold]
+    fn raise(&mut self, channel: usize, window: u8) {
+        let next = window == self.window[channel] + 1;
+        for (high, low) in self.high.iter_mut().zip(&mut self.low) {
+            low[channel] = if next { high[channel] } else { 0 };
+            high[channel] = 0;
+        }
+        self.window[channel] = window;
+    }
+
+    /// Whether [`Self::merge`] has room for the samples of `other`.
+    pub(crate) fn has_room_for(&self, other: &Self) -> bool {
+        self.count.iter().zip(&other.count).all(|(a, b)| a + b <= MOST_SAMPLES)
     }
 
     /// Adds the samples of another part of the same pixel, exactly.
     ///
-    /// False, and nothing is added, if the pixel would exceed 2^32 - 1 samples.
+    /// False, and nothing is added, if a replicate would exceed 2^29 - 1 samples.
     pub fn merge(&mut self, other: &Self) -> bool {
-        let Some(count) = self.count.checked_add(other.count) else {
+        if !self.has_room_for(other) {
             return false;
-        };
-        self.count = count;
-        for channel in 0..3 {
-            // Wrapping as in `add`.
-            self.sum[channel] = self.sum[channel].wrapping_add(other.sum[channel]);
-            let (low, carry) = self.square_low[channel].overflowing_add(other.square_low[channel]);
-            self.square_low[channel] = low;
-            self.square_high[channel] = self.square_high[channel]
-                .wrapping_add(other.square_high[channel])
-                .wrapping_add(u32::from(carry));
         }
-        self.alpha = self.alpha.wrapping_add(other.alpha);
-        self.alpha_square = self.alpha_square.wrapping_add(other.alpha_square);
+        let mut other = *other;
+        for channel in 0..4 {
+            let window = self.window[channel].max(other.window[channel]);
+            for part in [&mut *self, &mut other] {
+                if part.window[channel] < window {
+                    part.raise(channel, window);
+                }
+            }
+        }
+        for replicate in 0..REPLICATES {
+            self.count[replicate] += other.count[replicate];
+            for channel in 0..4 {
+                self.high[replicate][channel] += other.high[replicate][channel];
+                self.low[replicate][channel] += other.low[replicate][channel];
+            }
+        }
         true
     }
 
     /// Number of samples in the sums; dropped ones are not among them.
     pub fn count(&self) -> u32 {
-        self.count
+        self.count.iter().sum()
+    }
+
+    /// The sum of a channel over one replicate in its lower step, below 2^91 in magnitude.
+    fn sum(&self, replicate: usize, channel: usize) -> i128 {
+        (i128::from(self.high[replicate][channel]) << BIN_BITS)
+            + i128::from(self.low[replicate][channel])
     }
 
     /// Mean of R, G, B and alpha; zero without samples.
     pub fn mean(&self) -> [f64; 4] {
-        if self.count == 0 {
-            return [0.0; 4];
-        }
-        let n = f64::from(self.count);
-        let rgb = self.sum.map(|s| s as f64 * RADIANCE_QUANTUM / n);
-        [rgb[0], rgb[1], rgb[2], self.alpha as f64 * ALPHA_QUANTUM / n]
+        let n = f64::from(self.count().max(1));
+        std::array::from_fn(|channel| {
+            let sum: i128 = (0..REPLICATES).map(|replicate| self.sum(replicate, channel)).sum();
+            sum as f64 * lower_step(self.window[channel]) / n
+        })
     }
 
-    /// Unbiased estimate of the variance of each mean of R, G, B and alpha.
+    /// Estimate of the variance of each mean of R, G, B and alpha, from the spread of the
+    /// replicates' means.
     ///
-    /// It is `(n sum(x^2) - sum(x)^2) / (n^2 (n - 1))`, the difference taken in 256-bit integers, so
-    /// that no digits cancel. Infinite (unknown) with fewer than two samples. Being measured from
-    /// the same samples as the mean, it is correlated with it, and too small where rare bright
-    /// samples have not been met yet.
+    /// With replicates of `n_r` samples and means `m_r`, `R` of them with samples, and the mean `m`
+    /// of all `n`, it is `sum(n_r (m_r - m)^2) / (n (R - 1))`. It is unbiased where the replicates
+    /// are independent and have equally many samples, 16 in all at least, however the samples
+    /// within each are stratified; with 7 degrees of freedom the estimate of one pixel is off by
+    /// half of itself, sums over many pixels are sharper. Where some replicates have a sample more
+    /// it is too large by a fraction that falls with the square of their number, since more
+    /// samples are better stratified: below 16 samples take it as an upper bound, of `n - 1`
+    /// degrees of freedom at most. Infinite (unknown) where fewer than two replicates have
+    /// samples. Being measured from the same samples as the mean, it is correlated with it, and
+    /// too small where rare bright samples have not been met yet.
+    ///
+    /// No digits cancel: all differences are taken in integers.
     pub fn variance_of_mean(&self) -> [f64; 4] {
-        if self.count < 2 {
+        let filled = self.count.iter().filter(|count| **count > 0).count();
+        if filled < 2 {
             return [f64::INFINITY; 4];
         }
-        let n = f64::from(self.count);
-        let norm = 1.0 / (n * n * (n - 1.0));
-        let mut variance = [0.0; 4];
-        for (channel, v) in variance.iter_mut().take(3).enumerate() {
-            // Both terms in steps of 2^-128.
-            let squares =
-                Wide::product_u160(self.square_high[channel], self.square_low[channel], self.count)
-                    .shifted_left_60();
-            let square_of_sum = Wide::square(self.sum[channel].unsigned_abs());
-            *v = squares.saturating_sub(square_of_sum).to_f64()
-                * (RADIANCE_QUANTUM * RADIANCE_QUANTUM)
-                * norm;
-        }
-        // Steps of 2^-54; 32 + 64 + 30 bits.
-        let squares = (u128::from(self.alpha_square) * u128::from(self.count)) << 30;
-        let magnitude = u128::from(self.alpha.unsigned_abs());
-        let difference = squares.saturating_sub(magnitude * magnitude);
-        variance[3] = difference as f64 * (ALPHA_QUANTUM * ALPHA_QUANTUM) * norm;
-        variance
+        let n = self.count();
+        let norm = 1.0 / (f64::from(n) * (filled - 1) as f64);
+        std::array::from_fn(|channel| {
+            let sums: [i128; REPLICATES] = std::array::from_fn(|r| self.sum(r, channel));
+            let sum: i128 = sums.iter().sum();
+            let mut spread = 0.0;
+            for (own, count) in sums.into_iter().zip(self.count).filter(|(_, count)| *count > 0) {
+                // n n_r (m_r - m) in lower steps, below 2^124.
+                let off = own * i128::from(n) - sum * i128::from(count);
+                let off = off as f64 * lower_step(self.window[channel]) / f64::from(n);
+                spread += off * off / f64::from(count);
+            }
+            spread * norm
+        })
     }
 
-    /// The 128 bytes of a state file, little endian.
+    /// The bytes of a state file, little endian.
     pub(crate) fn to_bytes(self) -> [u8; PIXEL_BYTES] {
         let mut bytes = [0; PIXEL_BYTES];
         let mut rest = bytes.as_mut_slice();
@@ -180,74 +252,39 @@ impl PixelMoments {
             head.copy_from_slice(part);
             rest = tail;
         };
-        self.sum.iter().for_each(|v| put(&v.to_le_bytes()));
-        self.square_low.iter().for_each(|v| put(&v.to_le_bytes()));
-        self.square_high.iter().for_each(|v| put(&v.to_le_bytes()));
-        put(&self.count.to_le_bytes());
-        put(&self.alpha.to_le_bytes());
-        put(&self.alpha_square.to_le_bytes());
+        self.high.iter().flatten().for_each(|v| put(&v.to_le_bytes()));
+        self.low.iter().flatten().for_each(|v| put(&v.to_le_bytes()));
+        self.count.iter().for_each(|v| put(&v.to_le_bytes()));
+        put(&self.window);
         bytes
     }
 
-    /// Reads what [`Self::to_bytes`] wrote.
-    pub(crate) fn from_bytes(bytes: &[u8; PIXEL_BYTES]) -> Self {
+    /// Reads what [`Self::to_bytes`] wrote; None for what no samples add up to.
+    pub(crate) fn from_bytes(bytes: &[u8; PIXEL_BYTES]) -> Option<Self> {
         fn part<const N: usize>(bytes: &[u8; PIXEL_BYTES], at: usize) -> [u8; N] {
             std::array::from_fn(|i| bytes[at + i])
         }
-        Self {
-            sum: std::array::from_fn(|c| i128::from_le_bytes(part(bytes, 16 * c))),
-            square_low: std::array::from_fn(|c| u128::from_le_bytes(part(bytes, 48 + 16 * c))),
-            square_high: std::array::from_fn(|c| u32::from_le_bytes(part(bytes, 96 + 4 * c))),
-            count: u32::from_le_bytes(part(bytes, 108)),
-            alpha: i64::from_le_bytes(part(bytes, 112)),
-            alpha_square: u64::from_le_bytes(part(bytes, 120)),
-        }
-    }
-}
-
-/// An unsigned 256-bit integer, as far as the variance needs one.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Wide {
-    high: u128,
-    low: u128,
-}
-
-impl Wide {
-    /// `(high 2^128 + low) n`, at most 192 bits.
-    fn product_u160(high: u32, low: u128, n: u32) -> Self {
-        let n = u128::from(n);
-        let mask = u128::from(u64::MAX);
-        let bottom = (low & mask) * n;
-        let middle = (low >> 64) * n + (bottom >> 64);
-        Self { high: u128::from(high) * n + (middle >> 64), low: (middle << 64) | (bottom & mask) }
-    }
-
-    /// `v^2`.
-    fn square(v: u128) -> Self {
-        let mask = u128::from(u64::MAX);
-        let (a, b) = (v >> 64, v & mask);
-        let (cross, bottom) = (a * b, b * b);
-        let (low, carry) = bottom.overflowing_add(cross << 65);
-        // a * a + (2 cross) / 2^64 + carry is the high half of a product: it fits.
-        Self { high: a * a + (cross >> 63) + u128::from(carry), low }
-    }
-
-    /// `self 2^60`; bits beyond 256 are lost, which 192-bit values do not have.
-    fn shifted_left_60(self) -> Self {
-        Self { high: (self.high << 60) | (self.low >> 68), low: self.low << 60 }
-    }
-
-    /// `max(self - other, 0)`; rounding of tiny samples can leave the difference below zero.
-    fn saturating_sub(self, other: Self) -> Self {
-        let (low, borrow) = self.low.overflowing_sub(other.low);
-        match self.high.checked_sub(other.high).and_then(|h| h.checked_sub(u128::from(borrow))) {
-            Some(high) => Self { high, low },
-            None => Self { high: 0, low: 0 },
-        }
-    }
-
-    fn to_f64(self) -> f64 {
-        self.high as f64 * 2f64.powi(128) + self.low as f64
+        let sums = |at: usize| -> [[i64; 4]; REPLICATES] {
+            std::array::from_fn(|r| {
+                std::array::from_fn(|c| i64::from_le_bytes(part(bytes, at + 32 * r + 8 * c)))
+            })
+        };
+        let pixel = Self {
+            high: sums(0),
+            low: sums(32 * REPLICATES),
+            count: std::array::from_fn(|r| {
+                u32::from_le_bytes(part(bytes, 64 * REPLICATES + 4 * r))
+            }),
+            window: part(bytes, 68 * REPLICATES),
+        };
+        // With these bounds nothing that is done with a pixel can overflow.
+        let sound = pixel.window.iter().all(|window| *window <= LAST_WINDOW)
+            && (0..REPLICATES).all(|r| {
+                let most = u64::from(pixel.count[r]) * MOST_ADDED;
+                let mut sums = pixel.high[r].iter().chain(&pixel.low[r]);
+                pixel.count[r] <= MOST_SAMPLES && sums.all(|sum| sum.unsigned_abs() <= most)
+            });
+        sound.then_some(pixel)
     }
 }
 
@@ -255,100 +292,122 @@ impl Wide {
 mod tests {
     use super::*;
 
+    fn grey(v: f32) -> PixelSample {
+        PixelSample { rgb: [v, -v, v], alpha: v }
+    }
+
     #[test]
-    fn wide_arithmetic() {
-        let max = u128::MAX;
-        assert_eq!(Wide::square(max), Wide { high: max - 1, low: 1 });
-        assert_eq!(Wide::square(1 << 64), Wide { high: 1, low: 0 });
-        let product = Wide::product_u160(u32::MAX, max, u32::MAX);
-        // (2^160 - 1)(2^32 - 1) = 2^192 - 2^160 - 2^32 + 1
-        assert_eq!(product.high, (1 << 64) - (1 << 32) - 1);
-        assert_eq!(product.low, max - (1 << 32) + 2);
-        let shifted = Wide { high: 1, low: 3 << 126 }.shifted_left_60();
-        assert_eq!(shifted, Wide { high: (1 << 60) | (3 << 58), low: 0 });
-        let (one, top) = (Wide { high: 0, low: 1 }, Wide { high: 1, low: 0 });
-        assert_eq!(top.saturating_sub(one), Wide { high: 0, low: max });
-        assert_eq!(one.saturating_sub(top), Wide { high: 0, low: 0 });
-        assert_eq!(Wide { high: 3, low: 0 }.saturating_sub(one), Wide { high: 2, low: max });
+    fn windows_hold_what_they_are_for() {
+        for window in 0..=LAST_WINDOW {
+            // From here on a sample belongs to the window above.
+            let end = BIN_BITS * (i32::from(window) + 1) + LOWEST_STEP - 1;
+            let end = if end < -126 { 2f64.powi(end) as f32 } else { power_of_two(end) as f32 };
+            let last = if window == LAST_WINDOW { f32::MAX } else { end.next_down() };
+            assert_eq!(window_of(last), window, "{last:e}");
+            assert!(f64::from(last) * SCALES[usize::from(window)] <= MOST_ADDED as f64);
+            if window < LAST_WINDOW {
+                assert!(window_of(end) == window + 1 || end < 2f32.powi(-126), "{end:e}");
+            }
+        }
+        assert_eq!(window_of(0.0), 0);
+        assert_eq!(window_of(f32::from_bits(1)), 0);
     }
 
     #[test]
     fn a_full_pixel_of_extreme_samples_does_not_overflow() {
-        let extreme = RADIANCE_LIMIT.next_down();
-        let mut power = PixelMoments::default();
-        assert!(power.add(&PixelSample { rgb: [extreme, -extreme, extreme], alpha: -16.0 }));
-        // 1 + 2 + 4 + ... + 2^31 = 2^32 - 1 samples.
-        let mut all = power;
-        for _ in 1..32 {
-            let copy = power;
-            assert!(power.merge(&copy));
-            assert!(all.merge(&power));
+        for extreme in [f32::MAX, 15.999_999, 2f32.powi(-126), f32::from_bits(1)] {
+            let mut power = PixelMoments::default();
+            for number in 0..8 {
+                assert!(power.add(number, &grey(extreme)));
+            }
+            // 1 + 2 + 4 + ... + 2^28 = 2^29 - 1 samples in each replicate.
+            let mut all = power;
+            for _ in 1..29 {
+                let copy = power;
+                assert!(power.merge(&copy));
+                assert!(all.merge(&power));
+            }
+            assert_eq!(all.count(), u32::MAX - 7);
+            let e = f64::from(extreme);
+            assert_eq!(all.mean(), [e, -e, e, e]);
+            assert_eq!(all.variance_of_mean(), [0.0; 4]);
+            let before = all;
+            assert!(!all.add(5, &PixelSample::default()) && !all.merge(&power));
+            assert_eq!(all, before);
+            assert_eq!(PixelMoments::from_bytes(&all.to_bytes()), Some(all));
         }
-        assert_eq!(all.count(), u32::MAX);
-        let e = f64::from(extreme);
-        assert_eq!(all.mean(), [e, -e, e, -16.0]);
-        assert_eq!(all.variance_of_mean(), [0.0; 4]);
-        assert!(!all.add(&PixelSample::default()) && !all.merge(&power));
-        assert_eq!(all.mean(), [e, -e, e, -16.0]);
     }
 
     #[test]
-    fn samples_out_of_range_are_left_out() {
+    fn only_what_is_not_finite_is_left_out() {
         let mut moments = PixelMoments::default();
-        for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, RADIANCE_LIMIT, -RADIANCE_LIMIT] {
-            assert!(!moments.add(&PixelSample { rgb: [0.0, bad, 0.0], alpha: 0.0 }));
-        }
-        for bad in [f32::NAN, f32::INFINITY, 16.5, -16.5] {
-            assert!(!moments.add(&PixelSample { rgb: [0.0; 3], alpha: bad }));
+        for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+            assert!(!moments.add(0, &PixelSample { rgb: [0.0, bad, 0.0], alpha: 0.0 }));
+            assert!(!moments.add(1, &PixelSample { rgb: [0.0; 3], alpha: bad }));
         }
         assert_eq!(moments, PixelMoments::default());
         assert!(moments.variance_of_mean().iter().all(|v| *v == f64::INFINITY));
+        for good in [f32::MAX, f32::MIN, 1.5e9, 17.0, -1e-30, f32::from_bits(1)] {
+            let mut one = PixelMoments::default();
+            assert!(one.add(3, &grey(good)));
+            let v = f64::from(good);
+            assert_eq!(one.mean(), [v, -v, v, v]);
+        }
     }
 
     #[test]
     fn no_digits_cancel_in_the_variance() {
-        // 2^20 and 2^20 + 1/8 in turn: variance 2^-8, 2^48 times smaller than the square.
+        // 2^20 in even replicates and 2^20 + 1/8 in odd ones.
         let mut moments = PixelMoments::default();
         let n = 1000;
         for i in 0..n {
             let v = 1048576.0 + if i % 2 == 0 { 0.0 } else { 0.125 };
-            assert!(moments.add(&PixelSample { rgb: [v; 3], alpha: (i % 2) as f32 }));
+            assert!(moments.add(i, &PixelSample { rgb: [v; 3], alpha: (i % 2) as f32 }));
         }
-        let expected = 0.0625f64.powi(2) / f64::from(n - 1);
         let variance = moments.variance_of_mean();
         for v in &variance[..3] {
-            assert!((v / expected - 1.0).abs() < 1e-14, "{v} {expected}");
+            assert!((v / (0.0625f64.powi(2) / 7.0) - 1.0).abs() < 1e-14, "{v}");
         }
-        assert!((variance[3] / (0.25 / f64::from(n - 1)) - 1.0).abs() < 1e-14);
+        assert!((variance[3] / (0.25 / 7.0) - 1.0).abs() < 1e-14);
         assert_eq!(moments.mean()[0], 1048576.0625);
     }
 
     #[test]
-    fn doctored_sums_do_not_panic() {
-        for byte in [0x7f, 0x80, 0xff] {
-            let mut doctored = PixelMoments::from_bytes(&[byte; PIXEL_BYTES]);
-            for count in [0, 1, 2, u32::MAX - 1] {
-                doctored.count = count;
-                for sign in [1.0, -1.0] {
-                    let sample = PixelSample { rgb: [sign * 1e9; 3], alpha: sign * 16.0 };
-                    let mut copy = doctored;
-                    copy.add(&sample);
-                }
-                let mut copy = doctored;
-                copy.merge(&doctored);
-                let _ = (doctored.mean(), doctored.variance_of_mean());
+    fn up_to_eight_samples_the_variance_is_the_textbooks() {
+        let values = [0.25f32, 1.0, -3.0, 7.5, 0.0, 0.125, 2.0, 11.0];
+        for n in 2..=8 {
+            let mut moments = PixelMoments::default();
+            for (i, v) in (0..).zip(&values[..n]) {
+                moments.add(i, &grey(*v));
             }
+            let count = n as f64;
+            let mean = values[..n].iter().map(|v| f64::from(*v)).sum::<f64>() / count;
+            let squares: f64 = values[..n].iter().map(|v| (f64::from(*v) - mean).powi(2)).sum();
+            let expected = squares / (count * (count - 1.0));
+            assert!((moments.variance_of_mean()[3] / expected - 1.0).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn doctored_sums_are_refused() {
+        for byte in [0x7f, 0x80, 0xff] {
+            assert_eq!(PixelMoments::from_bytes(&[byte; PIXEL_BYTES]), None);
+        }
+        let mut moments = PixelMoments::default();
+        moments.add(3, &grey(f32::MAX));
+        let bytes = moments.to_bytes();
+        assert_eq!(PixelMoments::from_bytes(&bytes), Some(moments));
+        // The top byte of each integer, and the windows.
+        for at in (7..64 * REPLICATES).step_by(8).chain(PIXEL_BYTES - 4..PIXEL_BYTES) {
+            let mut broken = bytes;
+            broken[at] ^= 0x40;
+            assert_eq!(PixelMoments::from_bytes(&broken), None, "byte {at}");
         }
     }
 
     #[test]
     fn sizes_are_as_documented() {
-        assert_eq!(size_of::<PixelMoments>(), PIXEL_BYTES);
-        assert_eq!(RADIANCE_QUANTUM, 2f64.powi(-64));
-        assert_eq!(SQUARE_QUANTUM, 2f64.powi(-68));
-        assert_eq!(ALPHA_QUANTUM, 2f64.powi(-27));
-        // Every bit of a pixel has its place in the bytes.
-        let bytes: [u8; PIXEL_BYTES] = std::array::from_fn(|i| i as u8 ^ 0xa5);
-        assert_eq!(PixelMoments::from_bytes(&bytes).to_bytes(), bytes);
+        assert_eq!(size_of::<PixelMoments>(), 552);
+        assert_eq!(PIXEL_BYTES, 548);
     }
 }

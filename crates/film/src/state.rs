@@ -5,12 +5,12 @@
 //! | bytes | content |
 //! | --- | --- |
 //! | 8 | `PILEUSFM` |
-//! | 4 | version, 1 |
+//! | 4 | version, 2 |
 //! | 4 | length of the header, at most [`MAX_STATE_HEADER`] |
 //! | n | header: the caller's bytes, which tell what job and which samples these are |
 //! | 24 | resolution and crop window (x0, y0, width, height) |
 //! | 16 | samples per pixel, dropped samples |
-//! | 128 a pixel | sums of the crop window, row by row |
+//! | 548 a pixel | sums of the crop window, row by row |
 //! | 8 | CRC-64/XZ of all of the above |
 
 use std::fs::File;
@@ -24,7 +24,7 @@ use crate::film::{Crop, Film};
 use crate::moments::{PIXEL_BYTES, PixelMoments};
 
 /// Version that [`Film::write_state`] writes and [`Film::read_state`] reads.
-pub const STATE_VERSION: u32 = 1;
+pub const STATE_VERSION: u32 = 2;
 /// Most bytes of the caller's header, 1 MiB.
 pub const MAX_STATE_HEADER: usize = 1 << 20;
 
@@ -36,7 +36,7 @@ const STREAM: &str = "film state";
 impl Film {
     /// Writes the exact sums, preceded by the caller's `header` (what job this is part of).
     ///
-    /// 128 bytes a pixel; the writer should be buffered.
+    /// 548 bytes a pixel; the writer should be buffered.
     ///
     /// # Errors
     /// A header above [`MAX_STATE_HEADER`], or what the writer answers.
@@ -76,8 +76,8 @@ impl Film {
     /// it. The reader should be buffered; bytes after the state are left unread.
     ///
     /// # Errors
-    /// Not a film state, another version, sizes out of range, a stream that ends early, a wrong
-    /// checksum.
+    /// Not a film state, another version, sizes out of range, a stream that ends early, sums that no
+    /// samples have, a wrong checksum.
     pub fn read_state(reader: impl Read) -> Result<(Self, Vec<u8>), Error> {
         let mut input = Summed::new(reader);
         let magic: [u8; 8] = input.get().map_err(broken)?;
@@ -119,7 +119,14 @@ impl Film {
                 film.reserve(PIXELS_AHEAD.max(i).min(count - i))?;
             }
             let bytes: [u8; PIXEL_BYTES] = input.get().map_err(broken)?;
-            film.push_pixel(PixelMoments::from_bytes(&bytes));
+            let Some(pixel) = PixelMoments::from_bytes(&bytes) else {
+                return Err(Error::invalid(
+                    STREAM,
+                    format!("pixel {i} has sums that no samples add up to"),
+                    "the file is damaged: copy or render it anew",
+                ));
+            };
+            film.push_pixel(pixel);
         }
         let expected = input.crc.value();
         let mut stored = [0; 8];

@@ -7,7 +7,12 @@ fn state() -> (Film, Vec<u8>) {
     let mut tile = Tile::new(0, 0, 3, 2);
     for i in 0..60 {
         let v = 0.1 + i as f32;
-        tile.add(i % 3, i / 3 % 2, &PixelSample { rgb: [v, -v, v * v], alpha: 0.3 });
+        tile.add(
+            i % 3,
+            i / 3 % 2,
+            u64::from(i / 6),
+            &PixelSample { rgb: [v, -v, v * v], alpha: 0.3 },
+        );
     }
     film.add_tile(&tile);
     film.commit_pass(10);
@@ -75,7 +80,7 @@ fn sizes_in_the_header_do_not_allocate() {
     let (_, bytes) = state();
     let sizes = 16 + 20;
     let mut huge = bytes.clone();
-    // 16384 x 16384 pixels would be 32 GiB; there are bytes for six.
+    // 16384 x 16384 pixels would be 137 GiB; there are bytes for six.
     for at in [0, 4, 16, 20] {
         huge[sizes + at..][..4].copy_from_slice(&16384u32.to_le_bytes());
     }
@@ -85,4 +90,43 @@ fn sizes_in_the_header_do_not_allocate() {
         huge[sizes + at..][..4].copy_from_slice(&0x7fff_ffffu32.to_le_bytes());
     }
     assert!(matches!(Film::read_state(huge.as_slice()), Err(Error::TooLarge { .. })));
+}
+
+/// CRC-64/XZ, bit by bit.
+fn crc(bytes: &[u8]) -> u64 {
+    !bytes.iter().fold(u64::MAX, |crc, byte| {
+        (0..8).fold(crc ^ u64::from(*byte), |crc, _| {
+            (crc >> 1) ^ (0xC96C_5795_D787_0F42 & (crc & 1).wrapping_neg())
+        })
+    })
+}
+
+/// A state whose checksum was made to fit: whatever is read does not panic, in use either.
+#[test]
+fn doctored_sums_do_no_harm() {
+    let (film, bytes) = state();
+    let (content, pixels) = (bytes.len() - 8, 6 * 548);
+    assert_eq!(crc(&bytes[..content]).to_le_bytes(), bytes[content..]);
+    let (mut refused, mut read) = (0, 0);
+    for at in content - pixels..content {
+        for byte in [0x00, 0x01, 0x7f, 0x80, 0xff] {
+            let mut doctored = bytes.clone();
+            doctored[at] = byte;
+            let sum = crc(&doctored[..content]);
+            doctored[content..].copy_from_slice(&sum.to_le_bytes());
+            match Film::read_state(doctored.as_slice()) {
+                Err(error) => {
+                    assert!(error.to_string().contains("no samples add up to"), "{error}");
+                    refused += 1;
+                }
+                Ok((mut doctored, _)) => {
+                    doctored.merge(&film).unwrap();
+                    let _ = (doctored.image(), doctored.variance());
+                    read += 1;
+                }
+            }
+        }
+    }
+    // Most sums are far below the largest that their samples could have.
+    assert!(refused > 1000 && read > 1000, "{refused} {read}");
 }

@@ -367,7 +367,7 @@ impl Run<'_> {
                                 sample,
                                 &mut counters,
                             );
-                            counters.dropped += u64::from(!tile.add(x, y, &value));
+                            counters.dropped += u64::from(!tile.add(x, y, sample, &value));
                         }
                     }
                 }

@@ -81,6 +81,7 @@ pub(crate) fn metadata(
         ("pileus:plan", json(serde_json::to_string(plan))),
         ("pileus:counters", json(serde_json::to_string(counters))),
         ("pileus:samples", text(samples.to_string())),
+        ("pileus:variance", text(variance_note(samples).into())),
         ("pileus:seed", text(render.seed.to_string())),
         ("pileus:max_bounces", text(limit(render.max_bounces.map(u64::from)))),
         ("pileus:max_events", text(limit(render.max_events))),
@@ -94,4 +95,13 @@ pub(crate) fn metadata(
     .into_iter()
     .map(|(name, value)| (name.to_owned(), value))
     .collect()
+}
+
+/// What the layer `variance` is worth after so many samples.
+fn variance_note(samples: u64) -> &'static str {
+    match samples {
+        0 | 1 => "unknown (infinite): one sample per pixel",
+        2..16 => "of the mean; an upper bound, fewer than 16 samples per pixel",
+        _ => "of the mean, from 8 replicates (7 degrees of freedom a pixel)",
+    }
 }

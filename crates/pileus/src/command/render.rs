@@ -79,7 +79,13 @@ pub(crate) fn run(options: &RenderOptions, report: &Report) -> Result<(), Failur
     let writing = Instant::now();
     let job_hash = settings.job_hash();
     let mut image = film.image();
-    image.add_layer("variance", &film.variance())?;
+    let variance = film.variance();
+    let beyond = variance.channels().iter().flat_map(|c| &c.samples).filter(|v| **v == f32::MAX);
+    match beyond.count() {
+        0 => {}
+        n => tracing::warn!("{n} variances exceed 3.4e38 and are written as that: dim the lights"),
+    }
+    image.add_layer("variance", &variance)?;
     let exr = ExrSettings {
         half: settings.outputs.half,
         parallel: rayon::current_num_threads() > 1,
