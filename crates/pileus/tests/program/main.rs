@@ -2,6 +2,7 @@
 
 mod chart;
 mod errors;
+mod image_files;
 mod images;
 mod info;
 mod interrupt;
