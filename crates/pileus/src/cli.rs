@@ -64,7 +64,7 @@ Examples:
   pileus render shot.glb -o shot.exr      camera, lights and volumes of the scene
   pileus render job.json --spp 1024       everything from the job, but more samples")]
     Render(RenderOptions),
-    /// Show what a file contains: OpenVDB, glTF or job.
+    /// Show what a file contains: OpenVDB, glTF, job or OpenEXR.
     Info(InfoOptions),
     /// Validate a job with all its files; renders nothing.
     Check(InputOptions),
@@ -296,7 +296,7 @@ impl RenderOptions {
 /// Options of `info`.
 #[derive(Debug, Args)]
 pub struct InfoOptions {
-    /// OpenVDB (.vdb), scene (.gltf, .glb) or job (.json).
+    /// OpenVDB (.vdb), scene (.gltf, .glb), job (.json) or image (.exr).
     pub file: PathBuf,
     /// Print JSON.
     #[arg(long)]

@@ -1,6 +1,10 @@
 //! `pileus compare`.
 
-use pileus_film::{Curve, ExrSettings, ToneMap, read_exr, write_exr, write_png};
+use std::path::Path;
+
+use pileus_film::{
+    ColorSpace, Curve, ExrSettings, ToneMap, read_exr, read_exr_header, write_exr, write_png,
+};
 use pileus_lab::{CompareSettings, Comparison, compare_with, difference_image, difference_view};
 
 use crate::cli::CompareOptions;
@@ -18,6 +22,10 @@ pub(crate) fn run(options: &CompareOptions, report: &Report) -> Result<(), Failu
         }
     };
     let (a, b) = (read_exr(&options.a)?, read_exr(&options.b)?);
+    let (space_a, space_b) = (color_space(&options.a)?, color_space(&options.b)?);
+    if space_a != space_b {
+        tracing::warn!("A is in {space_a}, B in {space_b}: their numbers are compared as they are");
+    }
     let settings =
         CompareSettings { exposure_stops: options.exposure, ..CompareSettings::default() };
     let comparison = compare_with(&a, &b, &settings)?;
@@ -36,6 +44,14 @@ pub(crate) fn run(options: &CompareOptions, report: &Report) -> Result<(), Failu
         report.text(table(&comparison));
     }
     Ok(())
+}
+
+/// What the first part of an image says its colours are in.
+fn color_space(path: &Path) -> Result<ColorSpace, Failure> {
+    let header = read_exr_header(path)?;
+    let part = header.parts.first();
+    let id = part.and_then(|part| part.color_interop_id.as_deref());
+    Ok(ColorSpace::of_exr(id, part.and_then(|part| part.chromaticities)).0)
 }
 
 fn table(c: &Comparison) -> String {

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use pileus_film::{ColorSpace, ExrHeader, ExrPart, Window, read_exr_header};
 use pileus_media::{VoxelGrid, VoxelGridOptions};
 use pileus_scene::gltf::{self, GltfScene};
 use pileus_scene::volume::default_density_grid;
@@ -17,6 +18,15 @@ use crate::report::Report;
 use crate::settings::{Overrides, Settings};
 
 pub(crate) fn run(options: &InfoOptions, report: &Report) -> Result<(), Failure> {
+    if is_exr(&options.file) {
+        let header = read_exr_header(&options.file)?;
+        if options.json {
+            report.json(&exr_json(&header))
+        } else {
+            report.text(exr_text(&options.file, &header))
+        }
+        return Ok(());
+    }
     match Kind::of(&options.file)? {
         Kind::Vdb => {
             let info = vdb(&options.file)?;
@@ -48,6 +58,136 @@ pub(crate) fn run(options: &InfoOptions, report: &Report) -> Result<(), Failure>
         }
     }
     Ok(())
+}
+
+/// Whether a file is OpenEXR by its name, or by its first bytes.
+fn is_exr(path: &Path) -> bool {
+    use std::io::Read;
+    if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("exr")) {
+        return true;
+    }
+    // To open a pipe that nobody writes to never ends.
+    let is_file = std::fs::metadata(path).is_ok_and(|meta| meta.is_file());
+    let mut start = [0; 4];
+    let read = |mut file: std::fs::File| file.read_exact(&mut start);
+    is_file && std::fs::File::open(path).and_then(read).is_ok() && start == *b"\x76\x2f\x31\x01"
+}
+
+fn color_space(part: &ExrPart) -> String {
+    ColorSpace::of_exr(part.color_interop_id.as_deref(), part.chromaticities).0.to_string()
+}
+
+/// The header of an image: parts, layers, colour space, and metadata. What this program wrote as
+/// JSON (job, plan, counters) stands as JSON.
+fn exr_json(header: &ExrHeader) -> Value {
+    let window = |w: Window| json!([w.x, w.y, w.width, w.height]);
+    let value = |value: &pileus_film::MetaValue| match value {
+        pileus_film::MetaValue::Text(text) => match text.as_bytes().first() {
+            Some(b'{' | b'[') => serde_json::from_str(text).unwrap_or_else(|_| json!(text)),
+            _ => json!(text),
+        },
+        pileus_film::MetaValue::F32(v) => number(f64::from(*v)),
+        pileus_film::MetaValue::F64(v) => number(*v),
+        pileus_film::MetaValue::I32(v) => json!(v),
+        other => json!(format!("{other:?}")),
+    };
+    let part = |part: &ExrPart| {
+        let channels =
+            part.channels.iter().map(|c| json!({ "name": c.name, "type": c.sample_type }));
+        let metadata = part.metadata.iter().map(|(name, v)| (name.clone(), value(v)));
+        json!({
+            "name": part.name,
+            "view": part.view,
+            "compression": part.compression_name(),
+            "deep": part.deep,
+            "tiles": part.tiles,
+            "data_window": window(part.data_window),
+            "display_window": window(part.display_window),
+            "cube_map": part.cube_map,
+            "color_space": color_space(part),
+            "layers": layers(part),
+            "channels": channels.collect::<Vec<_>>(),
+            "metadata": metadata.collect::<Map<_, _>>(),
+        })
+    };
+    json!({ "parts": header.parts.iter().map(part).collect::<Vec<_>>() })
+}
+
+/// Names of layers in the order of the file.
+fn layers(part: &ExrPart) -> Vec<&str> {
+    let mut layers: Vec<&str> = Vec::new();
+    for channel in &part.channels {
+        if let Some((layer, _)) = channel.name.rsplit_once('.')
+            && !layers.contains(&layer)
+        {
+            layers.push(layer);
+        }
+    }
+    layers
+}
+
+fn exr_text(path: &Path, header: &ExrHeader) -> String {
+    let escaped = |text: &str| text.escape_debug().to_string();
+    let parts = header.parts.len();
+    let mut lines = vec![format!(
+        "{}: OpenEXR, {parts} {}",
+        path.display(),
+        if parts == 1 { "part" } else { "parts" },
+    )];
+    for (part, description) in header.parts.iter().zip(header.describe()) {
+        lines.push(description);
+        if part.data_window != part.display_window {
+            let Window { x, y, .. } = part.data_window;
+            let Window { width, height, x: left, y: top } = part.display_window;
+            lines.push(format!(
+                "  its pixels begin at ({x}, {y}) in a picture of {width} x {height} at \
+                 ({left}, {top})"
+            ));
+        }
+        lines.push(format!("  colour space: {}", color_space(part)));
+        if part.cube_map {
+            lines.push("  an environment on the faces of a cube".into());
+        }
+        let layers: Vec<_> = layers(part).into_iter().map(escaped).collect();
+        if !layers.is_empty() {
+            lines.push(format!("  layers: {}", layers.join(", ")));
+        }
+        for (name, value) in &part.metadata {
+            let name = escaped(name);
+            match value {
+                pileus_film::MetaValue::Text(text) => {
+                    let json = serde_json::from_str::<Value>(text).ok();
+                    let json = json.filter(|v| v.is_object() || v.is_array());
+                    match json.and_then(|v| serde_json::to_string_pretty(&v).ok()) {
+                        // JSON has escaped what a terminal would obey, but for what is no ASCII.
+                        Some(pretty) => {
+                            lines.push(format!("{name}:"));
+                            lines.extend(pretty.lines().map(|l| format!("  {}", shown(l))));
+                        }
+                        None if text.contains('\n') => {
+                            lines.push(format!("{name}:"));
+                            lines.extend(text.lines().map(|l| format!("  {}", shown(l))));
+                        }
+                        None => lines.push(format!("{name}: {}", shown(text))),
+                    }
+                }
+                pileus_film::MetaValue::F32(v) => lines.push(format!("{name}: {v}")),
+                pileus_film::MetaValue::F64(v) => lines.push(format!("{name}: {v}")),
+                pileus_film::MetaValue::I32(v) => lines.push(format!("{name}: {v}")),
+                _ => {}
+            }
+        }
+    }
+    lines.join("\n")
+}
+
+/// A line from a file without characters that a terminal obeys.
+fn shown(line: &str) -> String {
+    let escape = |c: char| {
+        let escaped: String = c.escape_debug().collect();
+        if c.is_control() { escaped } else { c.to_string() }
+    };
+    line.chars().map(escape).collect()
 }
 
 /// A number as JSON; what JSON does not have becomes a string.

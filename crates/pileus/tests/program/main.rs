@@ -4,6 +4,7 @@ mod chart;
 mod clamped;
 mod endless;
 mod errors;
+mod image_files;
 mod images;
 mod info;
 mod interrupt;
