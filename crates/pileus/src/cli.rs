@@ -238,6 +238,11 @@ pub enum UpAxisArgument {
 }
 
 impl InputOptions {
+    /// A file about which nothing else is said.
+    pub(crate) fn of(input: PathBuf) -> Self {
+        Self { input, grid: None, density_scale: None, up_axis: None, camera: None }
+    }
+
     pub(crate) fn vdb_options(&self) -> VdbOptions {
         VdbOptions {
             grid: self.grid.clone(),

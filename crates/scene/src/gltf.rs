@@ -52,7 +52,7 @@ pub struct GltfScene {
     /// Whether it has nodes that hold nothing: an empty that lost its properties, perhaps.
     pub has_empties: bool,
     /// World transforms of the nodes, if a mesh is placed by the joints of a skin; `None` for nodes
-    /// that are not part of the scene.
+    /// that are their own ancestors.
     pub(crate) transforms: Vec<Option<DAffine3>>,
     /// Numbers of things in the file, for `info`.
     pub counts: GltfCounts,
@@ -264,8 +264,10 @@ fn walk(
         },
     };
     walk.run()?;
-    let scene = walk.finish();
-    Ok(scene)
+    if walk.scene.meshes.iter().any(|mesh| mesh.skin.is_some()) {
+        walk.place_others()?;
+    }
+    Ok(walk.finish())
 }
 
 /// The parts of a file.
@@ -436,6 +438,25 @@ impl Walk<'_> {
         Ok(())
     }
 
+    /// Places the nodes that are not part of the scene: joints need not be, in files as found.
+    fn place_others(&mut self) -> Result<(), Error> {
+        let mut stack: Vec<(usize, DAffine3)> =
+            self.orphans().into_iter().map(|node| (node, DAffine3::IDENTITY)).collect();
+        while let Some((index, parent)) = stack.pop() {
+            let (Some(node), Some(None)) = (self.root.nodes.get(index), self.transforms.get(index))
+            else {
+                continue;
+            };
+            let to_world = parent * self.local_transform(&format!("/nodes/{index}"), node)?;
+            if let Some(place) = self.transforms.get_mut(index) {
+                *place = Some(to_world);
+            }
+            let children = node.children.as_deref().unwrap_or_default();
+            stack.extend(children.iter().map(|child| (child.value(), to_world)));
+        }
+        Ok(())
+    }
+
     /// What a node says about its visibility (`KHR_node_visibility`).
     fn is_visible(
         &self,
@@ -515,14 +536,19 @@ impl Walk<'_> {
                 "export the file again",
             ));
         }
-        // Without scenes every node that is nobody's child is a root.
+        // Without scenes all of these are roots.
+        Ok(self.orphans())
+    }
+
+    /// The nodes that are nobody's children.
+    fn orphans(&self) -> Vec<usize> {
         let mut is_child = vec![false; self.root.nodes.len()];
         for child in self.root.nodes.iter().filter_map(|n| n.children.as_ref()).flatten() {
             if let Some(flag) = is_child.get_mut(child.value()) {
                 *flag = true;
             }
         }
-        Ok((0..is_child.len()).filter(|&i| is_child.get(i) == Some(&false)).collect())
+        (0..is_child.len()).filter(|&i| is_child.get(i) == Some(&false)).collect()
     }
 
     fn local_transform(&self, pointer: &str, node: &json::scene::Node) -> Result<DAffine3, Error> {
@@ -593,7 +619,9 @@ impl Walk<'_> {
         let volume = volume_of_node(self.document, index, has_extension, extras)?;
         let light = extensions.and_then(|e| e.khr_lights_punctual.as_ref());
         if volume.is_none() && light.is_none() {
-            self.scene.has_empties |= node.mesh.is_none()
+            // The tips of skeletons hold nothing either.
+            self.scene.has_empties |= self.root.skins.is_empty()
+                && node.mesh.is_none()
                 && node.camera.is_none()
                 && node.children.as_ref().is_none_or(Vec::is_empty);
             return Ok(());

@@ -35,7 +35,7 @@ struct Joints {
 
 /// Poses of a file's meshes.
 pub(crate) struct Poses<'a> {
-    /// World transforms of the nodes; `None` for those that are not part of the scene.
+    /// World transforms of the nodes; `None` for those that are their own ancestors.
     transforms: &'a [Option<DAffine3>],
     skins: HashMap<usize, Arc<Joints>>,
     /// Vertices that were posed so far.
@@ -94,7 +94,7 @@ impl<'a> Poses<'a> {
         let mut matrices = Vec::new();
         for (number, joint) in skin.joints.iter().enumerate() {
             let Some(Some(to_world)) = self.transforms.get(joint.value()) else {
-                let what = format!("joint {} of the skin is no node of the scene", joint.value());
+                let what = format!("joint {} of the skin is no node with a place", joint.value());
                 return Err(invalid(&pointer, what));
             };
             let from_mesh = match &inverse {
@@ -216,12 +216,16 @@ impl<'a> Poses<'a> {
                 *tangents = new.into();
             }
         }
-        if positions.iter().all(|position| position.is_finite()) {
+        let normals = part.normals.iter().flat_map(|normals| normals.iter());
+        let mut tangents = part.tangents.iter().flat_map(|tangents| tangents.iter());
+        if positions.iter().chain(normals).all(|vector| vector.is_finite())
+            && tangents.all(|tangent| tangent.is_finite())
+        {
             return Ok(());
         }
         Err(Error::invalid(
             document.place(pointer),
-            "a vertex is moved to where coordinates are not finite",
+            "a vertex is moved to coordinates, or turned to directions, that are not finite",
             "check the weights of morph targets and the joints of the skin",
         ))
     }

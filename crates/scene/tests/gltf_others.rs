@@ -596,6 +596,12 @@ fn broken_skins_are_errors() {
         let said = format!("{error}").to_lowercase();
         assert!(said.contains(&says.to_lowercase()), "{error}");
     }
+    // A joint that is not part of the scene has a place all the same.
+    let mut apart = with(json!({"joints": [1, 1, 1, 1, 1, 1]}));
+    apart["scenes"] = json!([{"nodes": [0]}]);
+    apart["nodes"][1] = json!({"name": "joint", "translation": [0, 0, 5]});
+    let apart = read(&apart).unwrap().1.surfaces.unwrap();
+    assert_eq!(height(&apart, 0.5, 0.5), Some(5.0));
     let mut lost = with(json!({"joints": [1]}));
     lost["nodes"][0]["skin"] = json!(3);
     assert!(error(&lost).to_string().contains("skin 3"));

@@ -171,8 +171,7 @@ fn render(options: &ChartRenderOptions, report: &Report) -> Result<(), Failure> 
     };
     let peers = options.peers.as_deref().map(read_peers).transpose()?.unwrap_or_default();
     for job in &options.jobs {
-        let input =
-            InputOptions { input: job.clone(), grid: None, density_scale: None, up_axis: None };
+        let input = InputOptions::of(job.clone());
         let overrides = Overrides { resolution: options.resolution, ..Overrides::default() };
         let prepared = prepare(&input, &overrides)?;
         let name = stem(job);
@@ -193,8 +192,7 @@ fn render(options: &ChartRenderOptions, report: &Report) -> Result<(), Failure> 
 
 fn majorants(options: &ChartMajorantsOptions, report: &Report) -> Result<(), Failure> {
     for job in &options.jobs {
-        let input =
-            InputOptions { input: job.clone(), grid: None, density_scale: None, up_axis: None };
+        let input = InputOptions::of(job.clone());
         let overrides = Overrides { resolution: options.resolution, ..Overrides::default() };
         let prepared = prepare(&input, &overrides)?;
         let (scene, settings) = (&prepared.loaded.scene, &prepared.settings.render);
