@@ -86,7 +86,10 @@ fn glass_that_scatters_inside() {
 fn thermal_equilibrium() {
     let mut meshes = Vec::new();
     let grey_body = |reflected: [f32; 3]| lamp(reflected, reflected.map(|r| 1.0 - r));
-    meshes.push((floor(0.9, 1.0).0, grey_body([0.6, 0.5, 0.4])));
+    // Its back absorbs, and so has to give off light.
+    let mut ground = grey_body([0.6, 0.5, 0.4]);
+    ground["doubleSided"] = serde_json::json!(true);
+    meshes.push((floor(0.9, 1.0).0, ground));
     meshes.push((sphere(DVec3::new(0.1, 0.42, 0.0), 0.3, 4), grey_body([0.2, 0.5, 0.9])));
     // Glass beside the medium: in it, light is n^2, and fire would have to be.
     meshes.push((sphere(DVec3::new(0.6, 0.0, 1.8), 0.3, 6), glass(1.5)));

@@ -21,9 +21,9 @@ pub struct Obstacle {
 }
 
 impl Surfaces {
-    /// Whether light may go straight through some surface: smooth thin walls, and bodies of index
-    /// 1. It is said of materials; what a point lets through is for
-    /// [`Bsdf::straight_through`](crate::Bsdf::straight_through) to say.
+    /// Whether light may go straight through some surface: a smooth thin wall, or a body of index 1
+    /// exactly. It is said of materials; what a point lets through, which may be nothing, is what
+    /// [`Bsdf::straight_through`](crate::Bsdf::straight_through) says.
     pub fn has_panes(&self) -> bool {
         self.has_panes
     }
