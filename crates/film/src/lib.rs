@@ -16,7 +16,7 @@ mod tile;
 mod tone;
 mod turns;
 
-pub use crate::atomic::write_atomically;
+pub use crate::atomic::{check_writable, remove_abandoned, write_atomically};
 pub use crate::error::Error;
 pub use crate::exr_read::read_exr;
 pub use crate::exr_write::{ExrCompression, ExrReport, ExrSettings, write_exr};

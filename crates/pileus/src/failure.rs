@@ -61,6 +61,9 @@ pub enum Failure {
         #[source]
         source: std::io::Error,
     },
+    /// Results cannot be printed.
+    #[error("standard output cannot be written: {0}")]
+    Output(std::io::Error),
     /// Ctrl-C.
     #[error("{0}")]
     Interrupted(String),
@@ -87,7 +90,7 @@ impl Failure {
             Self::Integrator(pileus_integrator::Error::Unsupported { .. }) => Exit::Unsupported,
             Self::Integrator(_) | Self::Lab(_) => Exit::Invalid,
             Self::Usage { .. } => Exit::Usage,
-            Self::Io { .. } => Exit::Io,
+            Self::Io { .. } | Self::Output(_) => Exit::Io,
             Self::Interrupted(_) => Exit::Interrupted,
         }
     }

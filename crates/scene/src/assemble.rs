@@ -94,6 +94,9 @@ pub struct Loaded {
     pub scene: Scene,
     /// What was chosen without being asked for, as sentences for people.
     pub notes: Vec<String>,
+    /// The files that the scene is made of: the glTF file, its buffers and images, volumes, tables.
+    /// Those of the environment are read before and not among them.
+    pub files: Vec<PathBuf>,
     /// Seconds spent in reading files.
     pub seconds_load: f64,
     /// Seconds spent in building render grids.
@@ -116,6 +119,7 @@ impl Scene {
         loader.seconds_load = start.elapsed().as_secs_f64();
         let GltfSurfaces { surfaces, mut notes } = surfaces;
         let volumes = load_volumes(&mut loader, &request, file.as_ref(), &mut notes)?;
+        let files = crate::files::of_scene(&request, file.as_ref(), &loader);
         let (camera, note) = choose_camera(&request, file.as_ref(), &volumes, surfaces.as_ref())?;
         notes.extend(note);
         let mut lights = request.lights;
@@ -152,6 +156,7 @@ impl Scene {
                 not_modelled,
             },
             notes,
+            files,
             seconds_load: loader.seconds_load,
             seconds_build: loader.seconds_build,
         })

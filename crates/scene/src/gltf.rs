@@ -4,7 +4,7 @@
 //! [`parse_with_surfaces`] read its buffers and images as well. What is left out is listed.
 
 use std::f32::consts::{FRAC_PI_4, PI};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use glam::{DAffine3, DMat3, DQuat, DVec3, Vec3};
 use gltf::json;
@@ -13,7 +13,7 @@ use crate::error::{Error, Place};
 use crate::gltf_material;
 use crate::gltf_mesh::{self, INSTANCING};
 pub use crate::gltf_mesh::{GltfMesh, GltfSurfaces};
-use crate::gltf_volume::{EXTENSION, volume_of_node};
+use crate::gltf_volume::{EXTENSION, flat_keys, volume_of_node};
 use crate::json::Document;
 use crate::light::{Light, Point, Spot, Sun};
 use crate::surface::GlassRule;
@@ -34,6 +34,8 @@ pub struct GltfScene {
     pub not_modelled: Vec<String>,
     /// Numbers of things in the file, for `info`.
     pub counts: GltfCounts,
+    /// The files that its buffers and images are in, whether they are needed or not.
+    pub files: Vec<PathBuf>,
 }
 
 /// A perspective camera of a glTF file.
@@ -90,6 +92,11 @@ const MODELLED: [&str; 5] = [
     "KHR_mesh_quantization",
     "KHR_texture_transform",
 ];
+
+/// The names of the custom properties (flat keys of `extras`) by which a node becomes a volume.
+pub fn custom_properties() -> Vec<&'static str> {
+    flat_keys()
+}
 
 fn is_modelled(extension: &str) -> bool {
     MODELLED.contains(&extension) || gltf_material::MODELLED.contains(&extension)
@@ -193,6 +200,7 @@ fn walk(document: &Document, root: &json::Root, lumens_per_watt: f64) -> Result<
                 animations: root.animations.len(),
                 skins: root.skins.len(),
             },
+            files: crate::files::of_gltf(document, root),
         },
     };
     walk.run()?;

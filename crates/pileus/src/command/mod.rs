@@ -15,6 +15,7 @@ use pileus_scene::{Loaded, VolumeSource};
 use crate::cli::InputOptions;
 use crate::failure::Failure;
 use crate::input::Input;
+use crate::outputs;
 use crate::settings::{Overrides, Settings};
 
 /// A scene, ready to render.
@@ -26,8 +27,33 @@ pub(crate) struct Prepared {
 
 /// Resolves and loads what a command was given, and logs what was chosen or left out.
 pub(crate) fn prepare(input: &InputOptions, overrides: &Overrides) -> Result<Prepared, Failure> {
-    let input = Input::open(&input.input, &input.vdb_options())?;
-    let mut settings = Settings::resolve(input, overrides)?;
+    load(resolve(input, overrides)?)
+}
+
+/// As [`prepare`], for commands whose outputs must be writable and overwrite nothing: what can be
+/// known of that is looked at before anything is loaded.
+pub(crate) fn prepare_to_write(
+    input: &InputOptions,
+    overrides: &Overrides,
+) -> Result<Prepared, Failure> {
+    let settings = resolve(input, overrides)?;
+    outputs::check(&settings.reads(None), &settings.targets(0))?;
+    let prepared = load(settings)?;
+    let Prepared { settings, loaded, .. } = &prepared;
+    let [width, height] = match settings.crop {
+        Some(crop) => [crop.width, crop.height],
+        None => loaded.scene.camera.resolution(),
+    };
+    let pixels = u64::from(width) * u64::from(height);
+    outputs::check(&settings.reads(Some(loaded)), &settings.targets(pixels))?;
+    Ok(prepared)
+}
+
+fn resolve(input: &InputOptions, overrides: &Overrides) -> Result<Settings, Failure> {
+    Settings::resolve(Input::open(&input.input, &input.vdb_options())?, overrides)
+}
+
+fn load(mut settings: Settings) -> Result<Prepared, Failure> {
     let loaded = settings.load()?;
     for note in &loaded.notes {
         tracing::info!("{note}");

@@ -1,12 +1,16 @@
 //! The built program with good and bad inputs.
 
+mod agreement;
 mod chart;
 mod errors;
 mod images;
 mod info;
 mod interrupt;
+mod jobs;
+mod outputs;
 mod probe;
 mod reference;
+mod terminal;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
