@@ -2,6 +2,8 @@
 
 use cargo_metadata::{DependencyKind, MetadataCommand};
 use std::collections::BTreeMap;
+use std::path::Path;
+use std::process::Command;
 
 /// Crate, and the crates of ours that it may use.
 const MAY_USE: [(&str, &[&str]); 8] = [
@@ -77,26 +79,78 @@ fn dependencies_point_one_way() {
     }
 }
 
+/// What stands at the top of the repository, besides hidden files.
+const TOP: [&str; 10] = [
+    "Cargo.lock",
+    "Cargo.toml",
+    "LICENSE-APACHE",
+    "LICENSE-MIT",
+    "README.md",
+    "crates",
+    "docs",
+    "findings",
+    "scenes",
+    "tests",
+];
+
+/// What git tracks at the top of a checkout, sorted; `None` where there is no git or no checkout.
+fn tracked(root: &Path) -> Option<Vec<String>> {
+    let git = |arguments: &[&str]| -> Option<String> {
+        let output = Command::new("git").current_dir(root).args(arguments).output().ok()?;
+        output.status.success().then(|| String::from_utf8(output.stdout).ok())?
+    };
+    // An archive may be unpacked inside of a repository of something else.
+    let top = git(&["rev-parse", "--show-toplevel"])?;
+    if std::fs::canonicalize(top.trim_end()).ok()? != std::fs::canonicalize(root).ok()? {
+        return None;
+    }
+    let files = git(&["ls-files", "-z"])?;
+    let mut names: Vec<String> = files
+        .split('\0')
+        .filter_map(|file| file.split('/').next())
+        .filter(|name| !name.is_empty() && !name.starts_with('.'))
+        .map(str::to_owned)
+        .collect();
+    names.sort();
+    names.dedup();
+    Some(names)
+}
+
+/// The files of users, pictures that the README's first command writes among them, are not part of
+/// the plan: what git tracks is. In an unpacked archive all of the plan must be there.
 #[test]
 fn top_level_is_the_floor_plan() {
-    let expected = [
-        "Cargo.lock",
-        "Cargo.toml",
-        "LICENSE-APACHE",
-        "LICENSE-MIT",
-        "README.md",
-        "crates",
-        "docs",
-        "scenes",
-        "tests",
-    ];
-    let mut found: Vec<String> = std::fs::read_dir(pileus_tests::root())
-        .expect("the repository")
-        .map(|entry| entry.expect("an entry").file_name().to_string_lossy().into_owned())
-        .filter(|name| !name.starts_with('.') && name != "target")
-        .collect();
-    found.sort();
-    assert_eq!(found, expected);
+    let root = pileus_tests::root();
+    match tracked(&root) {
+        Some(names) => assert_eq!(names, TOP),
+        None => {
+            for name in TOP {
+                assert!(root.join(name).exists(), "{name} is missing");
+            }
+        }
+    }
+}
+
+#[test]
+fn files_of_users_are_not_part_of_the_plan() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let here = folder.path();
+    assert_eq!(tracked(here), None);
+    let git = |arguments: &[&str]| {
+        let output = Command::new("git").current_dir(here).args(arguments).output();
+        output.is_ok_and(|output| output.status.success())
+    };
+    if !git(&["init", "--quiet"]) {
+        return;
+    }
+    std::fs::create_dir(here.join("crates")).expect("a folder");
+    for name in ["README.md", "crates/a.rs", ".gitignore", "cumulus.exr", "cumulus.stats.json"] {
+        std::fs::write(here.join(name), name).expect("a file");
+    }
+    assert!(git(&["add", "README.md", "crates", ".gitignore"]));
+    assert_eq!(tracked(here), Some(vec!["README.md".to_owned(), "crates".to_owned()]));
+    // A folder of the checkout is not the checkout.
+    assert_eq!(tracked(&here.join("crates")), None);
 }
 
 #[test]

@@ -20,7 +20,7 @@ mod tile;
 mod tone;
 mod turns;
 
-pub use crate::atomic::write_atomically;
+pub use crate::atomic::{check_writable, remove_abandoned, write_atomically};
 pub use crate::color_channels::{ColorChannels, color_channels};
 pub use crate::color_space::{Chromaticities, ColorSpace, Remarks};
 pub use crate::error::Error;

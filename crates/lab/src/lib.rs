@@ -17,5 +17,5 @@ pub use crate::compare::{
 };
 pub use crate::difference::{difference_image, difference_view};
 pub use crate::error::Error;
-pub use crate::flip::{Flip, flip};
+pub use crate::flip::{Flip, flip, flip_rgb8};
 pub use crate::profile::{Profile, ProfileCase, ProfileRay};

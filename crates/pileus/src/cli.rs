@@ -6,6 +6,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use pileus_scene::volume_spec::UpAxis;
 
 use crate::input::VdbOptions;
+use crate::job::MAX_SPP;
 use crate::settings::Overrides;
 
 const EXIT_CODES: &str = "\
@@ -20,9 +21,12 @@ Exit codes:
 
 Results go to standard output, everything else to standard error.";
 
+/// The version, and the commit where the program was built from a repository.
+const VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), env!("PILEUS_COMMIT_SUFFIX"));
+
 /// Renders OpenVDB clouds, smoke and fire inside glTF scenes.
 #[derive(Debug, Parser)]
-#[command(name = "pileus", version, after_long_help = EXIT_CODES, max_term_width = 100)]
+#[command(name = "pileus", version = VERSION, after_long_help = EXIT_CODES, max_term_width = 100)]
 pub struct Arguments {
     /// What every command takes.
     #[command(flatten)]
@@ -60,9 +64,13 @@ pub enum Command {
     /// Render a job, a glTF scene or an OpenVDB file.
     #[command(after_long_help = "\
 Examples:
-  pileus render cloud.vdb                 frames the volume: cloud.exr, cloud.png
+  pileus render cloud.vdb                 frames the volume: cloud.exr, cloud.png, cloud.stats.json
   pileus render shot.glb -o shot.exr      camera, lights and volumes of the scene
-  pileus render job.json --spp 1024       everything from the job, but more samples")]
+  pileus render job.json --spp 1024       everything from the job, but more samples
+  pileus render cloud.vdb --save-job cloud.json    to go on from: everything that was chosen
+
+Beside the image NAME.exr go a picture to look at, NAME.png, and statistics, NAME.stats.json, unless the
+job or an option says otherwise. No file that is read is ever overwritten.")]
     Render(RenderOptions),
     /// Show what a file contains: OpenVDB, glTF, job or OpenEXR.
     Info(InfoOptions),
@@ -264,11 +272,20 @@ pub struct RenderOptions {
     /// The image (.exr) to write instead of the job's.
     #[arg(short, long, value_name = "IMAGE")]
     pub output: Option<PathBuf>,
-    /// Also write a tone-mapped picture (.png) to look at.
+    /// The tone-mapped picture (.png) to look at, instead of the one beside the image.
     #[arg(long, value_name = "FILE")]
     pub preview: Option<PathBuf>,
+    /// Write no picture to look at.
+    #[arg(long, conflicts_with = "preview")]
+    pub no_preview: bool,
+    /// Write no statistics.
+    #[arg(long)]
+    pub no_stats: bool,
+    /// Write the job that renders this image again, with all that was chosen, to go on from.
+    #[arg(long, value_name = "JOB")]
+    pub save_job: Option<PathBuf>,
     /// Samples per pixel instead of the job's.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=MAX_SPP))]
     pub spp: Option<u64>,
     /// Seed instead of the job's.
     #[arg(long, value_name = "N")]
@@ -281,8 +298,13 @@ pub struct RenderOptions {
 fn parse_resolution(text: &str) -> Result<[u32; 2], String> {
     text.split_once(['x', 'X'])
         .and_then(|(width, height)| Some([width.parse().ok()?, height.parse().ok()?]))
-        .filter(|size| !size.contains(&0))
-        .ok_or_else(|| "give width and height in pixels like 480x270".into())
+        .filter(|&[width, height]: &[u32; 2]| {
+            let pixels = u64::from(width) * u64::from(height);
+            (1..=pileus_film::MAX_PIXELS).contains(&pixels)
+        })
+        .ok_or_else(|| {
+            "give width and height in pixels like 480x270, fewer than 2^28 in all".into()
+        })
 }
 
 impl RenderOptions {
@@ -294,6 +316,9 @@ impl RenderOptions {
             seed: self.seed,
             resolution: self.resolution,
             camera: None,
+            no_preview: self.no_preview,
+            no_stats: self.no_stats,
+            save_job: self.save_job.clone(),
         }
     }
 }
@@ -322,6 +347,9 @@ pub struct PlanOptions {
 /// Options of `schema`.
 #[derive(Debug, Args)]
 pub struct SchemaOptions {
+    /// Print the custom properties by which glTF nodes become volumes, a table, instead.
+    #[arg(long, conflicts_with = "markdown")]
+    pub properties: bool,
     /// Print the reference page of the book instead.
     #[arg(long, hide = true)]
     pub markdown: bool,

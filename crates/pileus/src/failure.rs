@@ -65,6 +65,9 @@ pub enum Failure {
         #[source]
         source: std::io::Error,
     },
+    /// Results cannot be printed.
+    #[error("standard output cannot be written: {0}")]
+    Output(std::io::Error),
     /// A signal.
     #[error("{what}")]
     Interrupted {
@@ -96,7 +99,7 @@ impl Failure {
             Self::Integrator(pileus_integrator::Error::Unsupported { .. }) => Exit::Unsupported,
             Self::Integrator(_) | Self::Lab(_) => Exit::Invalid,
             Self::Usage { .. } => Exit::Usage,
-            Self::Io { .. } => Exit::Io,
+            Self::Io { .. } | Self::Output(_) => Exit::Io,
             Self::Interrupted { exit, .. } => *exit,
         }
     }

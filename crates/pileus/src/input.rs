@@ -3,7 +3,7 @@
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use pileus_scene::json::Document;
+use pileus_scene::json::{Document, parse};
 use pileus_scene::phase_spec::{CosineSpec, PhaseSpec};
 use pileus_scene::volume::DefaultScale;
 use pileus_scene::volume_spec::{DensitySpec, UpAxis, VolumeSpec};
@@ -58,33 +58,62 @@ pub struct VdbOptions {
 impl Kind {
     /// Tells files apart by their extension, or by their first bytes.
     pub fn of(path: &Path) -> Result<Self, Failure> {
+        look(path).map(|(kind, _)| kind)
+    }
+
+    /// By the extension alone.
+    fn of_name(path: &Path) -> Option<Self> {
         let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
         match extension.as_deref() {
-            Some("json") => return Ok(Self::Job),
-            Some("gltf" | "glb") => return Ok(Self::Gltf),
-            Some("vdb") => return Ok(Self::Vdb),
-            _ => {}
+            Some("json") => Some(Self::Job),
+            Some("gltf" | "glb") => Some(Self::Gltf),
+            Some("vdb") => Some(Self::Vdb),
+            _ => None,
         }
-        let mut start = [0u8; 8];
-        let read = std::fs::File::open(path)
-            .and_then(|mut file| file.read(&mut start))
-            .map_err(|source| cannot_read(path, source))?;
-        match start.get(..read).unwrap_or_default() {
-            [b'g', b'l', b'T', b'F', ..] => Ok(Self::Gltf),
-            [b' ', b'B', b'D', b'V', ..] => Ok(Self::Vdb),
-            [b'{' | b' ' | b'\n' | b'\r' | b'\t', ..] => Ok(Self::Job),
-            _ => Err(Failure::usage(
-                format!("{}: the kind of this file is not known", path.display()),
-                "give an OpenVDB file (.vdb), a scene (.gltf, .glb) or a job (.json)",
-            )),
+    }
+
+    /// By the first bytes.
+    fn of_bytes(start: &[u8]) -> Option<Self> {
+        match start.strip_prefix(BYTE_ORDER_MARK.as_bytes()).unwrap_or(start) {
+            [b'g', b'l', b'T', b'F', ..] => Some(Self::Gltf),
+            [b' ', b'B', b'D', b'V', ..] => Some(Self::Vdb),
+            [b'{' | b'[' | b' ' | b'\n' | b'\r' | b'\t', ..] => Some(Self::Job),
+            _ => None,
         }
+    }
+}
+
+/// The kind of a file. The text of a job that had to be opened for that comes with it: a pipe gives
+/// it once only.
+pub(crate) fn look(path: &Path) -> Result<(Kind, Option<String>), Failure> {
+    if let Some(kind) = Kind::of_name(path) {
+        return Ok((kind, None));
+    }
+    let failed = |source| cannot_read(path, source);
+    let mut file = std::fs::File::open(path).map_err(failed)?;
+    let mut start = Vec::new();
+    file.by_ref().take(8).read_to_end(&mut start).map_err(failed)?;
+    match Kind::of_bytes(&start) {
+        Some(Kind::Job) => {
+            let text = text_of(path, std::io::Cursor::new(start).chain(file), MAX_JOB)?;
+            Ok((Kind::Job, Some(text)))
+        }
+        Some(_) if !file.metadata().map_err(failed)?.is_file() => Err(Failure::usage(
+            format!("{}: volumes and scenes are not read from pipes", path.display()),
+            "write it into a file first; jobs may come through a pipe",
+        )),
+        Some(kind) => Ok((kind, None)),
+        None => Err(Failure::usage(
+            format!("{}: the kind of this file is not known", path.display()),
+            "give an OpenVDB file (.vdb), a scene (.gltf, .glb) or a job (.json)",
+        )),
     }
 }
 
 impl Input {
     /// Reads or makes up the job for a file.
     pub fn open(path: &Path, options: &VdbOptions) -> Result<Self, Failure> {
-        let kind = Kind::of(path)?;
+        let (kind, text) = look(path)?;
         if kind != Kind::Vdb && *options != VdbOptions::default() {
             return Err(Failure::usage(
                 "--grid, --density-scale and --up-axis belong to OpenVDB files",
@@ -92,7 +121,7 @@ impl Input {
             ));
         }
         match kind {
-            Kind::Job => Self::read_job(path),
+            Kind::Job => Self::of_job(path, text),
             Kind::Gltf => Ok(Self::made_up(
                 path,
                 Job { scene: Some(path.to_string_lossy().into_owned()), ..Job::default() },
@@ -116,7 +145,6 @@ impl Input {
                         volumes: Some(vec![spec]),
                         output: Some(OutputSpec {
                             image: Some(format!("{stem}.exr")),
-                            preview: Some(format!("{stem}.png")),
                             exposure: Some(DEFAULT_SKY_EXPOSURE),
                             ..OutputSpec::default()
                         }),
@@ -137,11 +165,14 @@ impl Input {
         }
     }
 
-    fn read_job(path: &Path) -> Result<Self, Failure> {
-        let text = read_text(path, MAX_JOB)?;
+    /// Reads a job; its text may have been read before.
+    pub(crate) fn of_job(path: &Path, text: Option<String>) -> Result<Self, Failure> {
+        let text = text.map_or_else(|| read_text(path, MAX_JOB), Ok)?;
         let document = Document::new(path, text);
-        let job = document.parse()?;
-        let base = path.parent().unwrap_or(Path::new("")).to_owned();
+        let job = parse(document.text()).map_err(|fault| fault_of_job(&document, fault))?;
+        // Names in a job that comes through a pipe are relative to the current folder.
+        let is_file = std::fs::metadata(path).is_ok_and(|metadata| metadata.is_file());
+        let base = path.parent().filter(|_| is_file).unwrap_or(Path::new("")).to_owned();
         Ok(Self {
             job,
             document: Some(document),
@@ -152,21 +183,95 @@ impl Input {
     }
 }
 
+/// Keys that people try, of features that this version does not have, and what to do without them.
+const NOT_YET: [(&[&str], &str, &str); 8] = [
+    (
+        &["aperture", "aperture_radius", "lens_radius", "f_stop", "fstop", "focus_distance", "dof"],
+        "depth of field is not rendered by this version",
+        "remove the key: everything is in focus",
+    ),
+    (
+        &["denoise", "denoiser", "denoising"],
+        "denoising is not part of this version",
+        "remove the key, and take more samples or denoise the EXR in another program",
+    ),
+    (
+        &["motion_blur", "shutter_open", "shutter_close"],
+        "motion is not rendered by this version",
+        "remove the key",
+    ),
+    (
+        &["frames", "frame_range", "frame_start", "frame_end", "animation", "fps"],
+        "sequences of frames are not rendered by this version",
+        "write a job for each frame: `frame` of a volume fills in the `#` in its file's name",
+    ),
+    (
+        &["layers", "aov", "passes", "cryptomatte", "light_groups"],
+        "further layers are not written by this version",
+        "remove the key: colour, alpha and variance are written",
+    ),
+    (
+        &["adaptive", "noise_threshold", "time_limit", "max_time", "noise"],
+        "rendering up to a noise or a time is not part of this version",
+        "remove the key and set `spp`; Ctrl-C writes what is there",
+    ),
+    (
+        &["resume", "checkpoint", "continue"],
+        "interrupted renders are not resumed by this version",
+        "remove the key",
+    ),
+    (
+        &["area_light", "area_lights", "meshes", "objects", "mesh", "materials"],
+        "surfaces and area lights are part of glTF scenes, not of jobs",
+        "name a glTF file with `scene`; emissive materials are its area lights",
+    ),
+];
+
+/// The error that a fault in a job is: keys of features that are missing say so.
+fn fault_of_job(document: &Document, fault: pileus_scene::json::Fault) -> Failure {
+    let key = fault.pointer.rsplit('/').next().unwrap_or_default();
+    let unknown = fault.what.starts_with("unknown key");
+    let found = NOT_YET.iter().find(|(keys, ..)| unknown && keys.contains(&key));
+    let Some((_, what, remedy)) = found else { return document.error(fault).into() };
+    let what = format!("unknown key `{key}`: {what}");
+    let remedy = (*remedy).to_owned();
+    match document.error(pileus_scene::json::Fault { what, remedy, ..fault }) {
+        pileus_scene::Error::Invalid { place, what, remedy } => {
+            pileus_scene::Error::Unsupported { place, what, remedy }.into()
+        }
+        other => other.into(),
+    }
+}
+
+/// What some editors put before UTF-8.
+const BYTE_ORDER_MARK: &str = "\u{feff}";
+
 /// Reads a text file of limited size.
 pub(crate) fn read_text(path: &Path, limit: u64) -> Result<String, Failure> {
-    let failed = |source| cannot_read(path, source);
-    let file = std::fs::File::open(path).map_err(failed)?;
+    let file = std::fs::File::open(path).map_err(|source| cannot_read(path, source))?;
+    text_of(path, file, limit)
+}
+
+/// The text of an open file, without its byte order mark.
+fn text_of(path: &Path, file: impl Read, limit: u64) -> Result<String, Failure> {
     let mut bytes = Vec::new();
-    file.take(limit + 1).read_to_end(&mut bytes).map_err(failed)?;
+    let mut limited = file.take(limit + 1);
+    limited.read_to_end(&mut bytes).map_err(|source| cannot_read(path, source))?;
     if bytes.len() as u64 > limit {
         let place = pileus_scene::Place::file(path);
         let what = format!("the file is larger than {limit} bytes");
         return Err(pileus_scene::Error::unsupported(place, what, "this is no such file").into());
     }
-    String::from_utf8(bytes).map_err(|_| {
+    let wide = bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]);
+    let mut text = String::from_utf8(bytes).map_err(|_| {
         let place = pileus_scene::Place::file(path);
-        pileus_scene::Error::invalid(place, "the text is not UTF-8", "save it as UTF-8").into()
-    })
+        let what = if wide { "the text is UTF-16, not UTF-8" } else { "the text is not UTF-8" };
+        pileus_scene::Error::invalid(place, what, "save it as UTF-8")
+    })?;
+    if text.starts_with(BYTE_ORDER_MARK) {
+        text.drain(..BYTE_ORDER_MARK.len());
+    }
+    Ok(text)
 }
 
 fn cannot_read(path: &Path, source: std::io::Error) -> Failure {

@@ -3,9 +3,12 @@
 //! The doc comments here are the reference: `pileus schema` and the page made from it print them.
 
 use pileus_integrator::DEFAULT_MAX_EVENTS;
-use pileus_scene::volume_spec::{Rgb, VolumeSpec};
+use pileus_scene::volume_spec::{LARGEST_COLOR, Rgb, VolumeSpec};
+use pileus_scene::whole;
 use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
+
+use crate::job_rules as rules;
 
 /// Vertical opening angle of cameras that do not name one, degrees.
 pub const DEFAULT_FOV_Y: f64 = 35.0;
@@ -13,6 +16,10 @@ pub const DEFAULT_FOV_Y: f64 = 35.0;
 pub const DEFAULT_SPP: u64 = 64;
 /// Half width of the pixel filter of jobs that do not say, pixels.
 pub const DEFAULT_FILTER_RADIUS: f32 = 0.5;
+/// Most samples per pixel.
+pub const MAX_SPP: u64 = 1 << 32;
+/// Smallest positive number that single precision has with all its digits.
+pub const SMALLEST: f64 = 1.2e-38;
 /// Lumens per watt of glTF lights of jobs that do not say.
 pub const DEFAULT_LUMENS_PER_WATT: f64 = 683.0;
 
@@ -22,7 +29,7 @@ pub const DEFAULT_LUMENS_PER_WATT: f64 = 683.0;
 /// Rec. 709, coordinates right-handed with +Y up. Comments and unknown keys are refused.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-#[schemars(title = "Pileus job")]
+#[schemars(title = "Pileus job", extend("allOf" = rules::job()))]
 pub struct Job {
     /// The schema that editors should check this file against; ignored.
     #[serde(default, rename = "$schema", skip_serializing_if = "Option::is_none")]
@@ -43,6 +50,7 @@ pub struct Job {
     /// Lights, added to those of the scene. Without any light in job and scene: the default sky, a
     /// sun and a blue gradient.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(transform = rules::one_image)]
     pub lights: Option<Vec<LightSpec>>,
     /// Size and filter of the image.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -63,6 +71,7 @@ pub struct GltfSpec {
     /// numbers as they are.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("default" = DEFAULT_LUMENS_PER_WATT))]
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub lumens_per_watt: Option<f64>,
     /// What a transmissive surface without `KHR_materials_volume` is.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -83,6 +92,7 @@ pub enum GlassSpec {
 /// A perspective camera: `position` and `look_at`, or the `node` of a camera in the glTF scene.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[schemars(extend("allOf" = rules::camera()))]
 pub struct CameraSpec {
     /// Name of a glTF node with a camera; excludes the keys of placement.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -97,14 +107,17 @@ pub struct CameraSpec {
     /// What is up in the image.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("default" = [0, 1, 0]))]
+    #[schemars(transform = rules::directed)]
     pub up: Option<[f64; 3]>,
     /// Full vertical opening angle in degrees.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("default" = DEFAULT_FOV_Y))]
+    #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 180))]
     pub fov_y: Option<f64>,
     /// When the shutter opens and closes. Motion is not rendered by this version: both must be 0.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("default" = [0, 0]))]
+    #[schemars(transform = rules::shutter)]
     pub shutter: Option<[f64; 2]>,
 }
 
@@ -115,14 +128,17 @@ pub enum LightSpec {
     /// Light from infinitely far away.
     Sun {
         /// Direction from the scene to the sun, of any length.
+        #[schemars(transform = rules::directed)]
         to_light: [f64; 3],
         /// Irradiance on a plane facing the sun.
         irradiance: Rgb,
         /// Full opening angle of the disc in degrees; 0 is a single direction.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         #[schemars(extend("default" = 0))]
+        #[schemars(extend("minimum" = 0, "exclusiveMaximum" = 180))]
         angular_diameter: Option<f64>,
     },
+    #[schemars(extend("allOf" = rules::environment()))]
     /// Light from all around: either `radiance` or `image`.
     Environment {
         /// The same radiance from all directions.
@@ -134,20 +150,24 @@ pub enum LightSpec {
         /// Factor on the image.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         #[schemars(extend("default" = 1))]
+        #[schemars(extend("minimum" = 0, "maximum" = LARGEST_COLOR))]
         intensity: Option<f64>,
         /// Turns the image counter-clockwise seen from above, degrees.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         #[schemars(extend("default" = 0))]
         rotation_y: Option<f64>,
     },
+    #[schemars(extend("allOf" = rules::sky()))]
     /// Sun and sky of a clear day, in W/(m2 sr) weighted by the eye (times 683: cd/m2). The sun stands at `to_sun`, or at `elevation` and
     /// `azimuth`, no lower than 6 degrees below the horizon. Excludes environments with an `image`.
     Sky {
         /// Direction from the scene to the sun, of any length.
         #[serde(default, skip_serializing_if = "Option::is_none")]
+        #[schemars(transform = rules::directed)]
         to_sun: Option<[f64; 3]>,
         /// The sun's height above the horizon in degrees, -6 to 90.
         #[serde(default, skip_serializing_if = "Option::is_none")]
+        #[schemars(extend("minimum" = -6, "maximum" = 90))]
         elevation: Option<f64>,
         /// Where the sun stands, degrees clockwise seen from above: 0 is at -Z, 90 at +X. Goes with `elevation`, default 0.
         #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -155,14 +175,17 @@ pub enum LightSpec {
         /// Haze, 1 to 10: 2 is very clear, 3 clear, 6 hazy.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         #[schemars(extend("default" = 3.0))]
+        #[schemars(extend("minimum" = 1, "maximum" = 10))]
         turbidity: Option<f64>,
         /// Share of light that the ground reflects: what is below the horizon, and a glow in the sky.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         #[schemars(extend("default" = 0.2))]
+        #[schemars(transform = rules::at_most_one)]
         ground_albedo: Option<Rgb>,
         /// Factor on sun, sky and ground; 1 is physical.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         #[schemars(extend("default" = 1))]
+        #[schemars(extend("minimum" = 0, "maximum" = 1e12))]
         intensity: Option<f64>,
         /// Whether the sun's disc is there. The sky stays the same without it.
         #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -171,6 +194,7 @@ pub enum LightSpec {
         /// Full opening angle of the sun's disc in degrees; 0 is a single direction. Its irradiance stays the same.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         #[schemars(extend("default" = 0.53))]
+        #[schemars(extend("minimum" = 0, "exclusiveMaximum" = 180))]
         sun_angular_diameter: Option<f64>,
     },
     /// Light from a point, the same in all directions.
@@ -188,12 +212,22 @@ pub enum LightSpec {
 pub struct FilmSpec {
     /// Width and height of the full image in pixels. Default: 640 pixels along the longer side in
     /// the aspect ratio of the glTF camera, or 640 x 360.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(
+        default,
+        skip_serializing_if = "Option::is_none",
+        deserialize_with = "whole::option_of_2"
+    )]
     #[schemars(extend("examples" = [[480, 270]]))]
+    #[schemars(transform = rules::resolution)]
     pub resolution: Option<[u32; 2]>,
     /// The part that is rendered: left, top, width, height in pixels; null renders everything.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(
+        default,
+        skip_serializing_if = "Option::is_none",
+        deserialize_with = "whole::option_of_4"
+    )]
     #[schemars(extend("default" = null))]
+    #[schemars(transform = rules::crop)]
     pub crop: Option<[u32; 4]>,
     /// How a pixel weighs the image plane around its centre.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -210,6 +244,7 @@ pub struct FilterSpec {
     pub kind: Option<FilterKind>,
     /// Its half width in pixels. Default 0.5 for `box`, 1.5 for `blackman_harris`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("minimum" = SMALLEST, "maximum" = 64))]
     pub radius: Option<f32>,
 }
 
@@ -236,16 +271,17 @@ fn null_or_value<'de, T: Deserialize<'de>, D: serde::Deserializer<'de>>(
 #[serde(deny_unknown_fields)]
 pub struct SamplingSpec {
     /// Samples per pixel, at least 1.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "whole::option")]
     #[schemars(extend("default" = DEFAULT_SPP))]
+    #[schemars(extend("minimum" = 1, "maximum" = MAX_SPP))]
     pub spp: Option<u64>,
     /// Seed of all random numbers: the same seed gives the same image, bit for bit.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "whole::option")]
     #[schemars(extend("default" = 0))]
     pub seed: Option<u64>,
     /// Most scattering events on a path: 0 shows the background through the volumes, 1 is single
     /// scattering. Longer paths are cut, which darkens the image; null is unlimited.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "whole::option")]
     #[schemars(extend("default" = null))]
     pub max_bounces: Option<u32>,
     /// Most events on a path, at least 1: bounces, lookups of the extinction and majorant cells,
@@ -267,11 +303,13 @@ pub struct SamplingSpec {
     /// `global`. The mean of the image does not depend on it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("default" = "auto", "examples" = ["adaptive", "uniform_16"]))]
+    #[schemars(extend("pattern" = rules::MAJORANTS))]
     pub majorants: Option<String>,
     /// Factor on the majorants of grids, for experiments: above 1 they are looser than need be, below 1
     /// they do not bound, which only some methods allow.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("default" = 1.0))]
+    #[schemars(extend("minimum" = SMALLEST, "maximum" = LARGEST_COLOR))]
     pub majorant_scale: Option<f32>,
     /// What decides whether a shadow ray is sent from a point in a volume. The mean of the image does not depend on it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -281,12 +319,14 @@ pub struct SamplingSpec {
     /// the image's metadata say so, with the number of samples it met. null is no limit.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("default" = null))]
+    #[schemars(extend("minimum" = SMALLEST, "maximum" = LARGEST_COLOR))]
     pub clamp: Option<f32>,
     /// Of `debiased_ray_marching` under a `law`: level j of the telescoping series costs 2^j and has a probability in
     /// proportion to 2^(-level_exponent j). Above 1, where the work is finite, and at most 16; the variance is infinite
     /// above 4 on most rays, and grows from far below where extinction has narrow features.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("default" = 1.5))]
+    #[schemars(extend("exclusiveMinimum" = 1, "maximum" = 16))]
     pub level_exponent: Option<f64>,
 }
 
@@ -370,6 +410,13 @@ pub enum DistanceSpec {
     RayMarching,
 }
 
+/// A value whose null means something else than its absence.
+fn even_null<'de, D: Deserializer<'de>, T: Deserialize<'de>>(
+    deserializer: D,
+) -> Result<Option<Option<T>>, D::Error> {
+    Option::deserialize(deserializer).map(Some)
+}
+
 /// Which files are written, each beside its target and renamed when it is whole.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -378,27 +425,31 @@ pub struct OutputSpec {
     /// layer `variance`. Default: the name of the job with `.exr`, in the current folder.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("examples" = ["cloud.exr"]))]
+    #[schemars(extend("pattern" = rules::EXR))]
     pub image: Option<String>,
     /// Store the image's colours and alpha as 16-bit floats: half the size, values beyond 65504 are clamped and counted. The
     /// variance stays 32-bit.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("default" = false))]
     pub half: Option<bool>,
-    /// A PNG to look at, tone-mapped by a filmic curve. Default: none. With `-o` on the command line it follows the image.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("examples" = ["cloud.png"]))]
-    pub preview: Option<String>,
+    /// A PNG to look at, tone-mapped by a filmic curve; null for none. Default: the image's path with `.png`. With `-o` on the
+    /// command line it follows the image.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "even_null")]
+    #[schemars(extend("examples" = ["cloud.png"], "pattern" = rules::PNG))]
+    pub preview: Option<Option<String>>,
     /// Exposure of the preview in stops: radiance is multiplied by `2^exposure` before the curve.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("default" = 0.0))]
+    #[schemars(extend("minimum" = -64, "maximum" = 64))]
     pub exposure: Option<f32>,
-    /// Counters and times as JSON. Default: the image's path with `.stats.json`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("examples" = ["cloud.stats.json"]))]
-    pub stats: Option<String>,
+    /// Counters and times as JSON; null for none. Default: the image's path with `.stats.json`.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "even_null")]
+    #[schemars(extend("examples" = ["cloud.stats.json"], "pattern" = rules::FILE))]
+    pub stats: Option<Option<String>>,
     /// Further quantities to write. This version has none: the list must be empty.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("default" = []))]
+    #[schemars(extend("maxItems" = 0))]
     pub aovs: Option<Vec<String>>,
 }
 

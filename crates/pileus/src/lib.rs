@@ -3,14 +3,18 @@
 
 pub mod cli;
 mod command;
+mod escape;
 pub mod failure;
 pub mod input;
 pub mod job;
+mod job_rules;
 mod machine;
+mod outputs;
 mod record;
 pub mod report;
 pub mod schema;
 pub mod settings;
+pub mod validate;
 
 use std::process::ExitCode;
 
@@ -27,7 +31,7 @@ pub fn run() -> ExitCode {
         Err(error) => return Report::command_line(&error),
     };
     let report = Report::new(arguments.common.quiet, arguments.common.verbose);
-    match dispatch(&arguments, &report) {
+    match dispatch(&arguments, &report).and_then(|()| report.finish()) {
         Ok(()) => ExitCode::from(Exit::Success as u8),
         Err(failure) => {
             report.failure(&failure);

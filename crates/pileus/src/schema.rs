@@ -8,7 +8,31 @@ use crate::job::Job;
 
 /// The JSON Schema (draft 2020-12) of a job.
 pub fn job_schema() -> Value {
-    schemars::schema_for!(Job).to_value()
+    let mut schema = schemars::schema_for!(Job).to_value();
+    limit_integers(&mut schema);
+    schema
+}
+
+/// Writes out what the `format` of whole numbers means, which validators do not hold values
+/// against.
+fn limit_integers(schema: &mut Value) {
+    match schema {
+        Value::Array(list) => list.iter_mut().for_each(limit_integers),
+        Value::Object(keywords) => {
+            let limits: Option<[Value; 2]> = match keywords.get("format").and_then(Value::as_str) {
+                Some("uint32") => Some([0.into(), u32::MAX.into()]),
+                Some("uint64") => Some([0.into(), u64::MAX.into()]),
+                Some("int64") => Some([i64::MIN.into(), i64::MAX.into()]),
+                _ => None,
+            };
+            for (key, limit) in ["minimum", "maximum"].into_iter().zip(limits.into_iter().flatten())
+            {
+                keywords.entry(key).or_insert(limit);
+            }
+            keywords.values_mut().for_each(limit_integers);
+        }
+        _ => {}
+    }
 }
 
 const INTRODUCTION: &str = r#"# Job format
@@ -57,6 +81,70 @@ pub fn reference_page() -> String {
     for (name, definition) in definitions(&schema) {
         section(&mut page, name, definition);
     }
+    page
+}
+
+/// The custom properties of a glTF node that make it a volume: names, and what each means. Those
+/// that a job's volume has under another name point there.
+const PROPERTIES: [(&str, &str); 38] = [
+    ("pileus_vdb", "path of the OpenVDB file, relative to the glTF file"),
+    ("pileus_frame", "the frame number that replaces `#` in the name of that file"),
+    ("pileus_grid", "name of the density grid; default `density`, or the only fog volume"),
+    ("pileus_density_scale", "extinction per scene unit where the grid is 1; default 1"),
+    ("pileus_albedo", "single-scattering albedo, a number or a colour; default 0.999"),
+    ("pileus_extinction", "extinction of the channels relative to each other; default 1"),
+    ("pileus_up_axis", "`y`, or `z` for files written by Blender; default `y`"),
+    (
+        "pileus_law",
+        "how light gets through: `exponential`, `power`, `davis_weinstein`, `erlang`, `linear`, `table`",
+    ),
+    ("pileus_law_k", "of `power`: above 1"),
+    ("pileus_law_h", "of `davis_weinstein`: above 0.5 and at most 1"),
+    ("pileus_law_c", "of `davis_weinstein`: above 0"),
+    ("pileus_law_n", "of `erlang`: a whole number from 2 to 64"),
+    ("pileus_law_file", "of `table`: a text file of optical depths and transmittances"),
+    ("pileus_temperature_grid", "a grid of temperatures: the volume glows as a black body"),
+    ("pileus_temperature_scale", "kelvin per unit of that grid; default 1"),
+    ("pileus_emission_intensity", "factor on the black body's radiance; default 1"),
+    ("pileus_emission_grid", "a grid of radiance per scene unit, numbers or colours"),
+    ("pileus_emission_color", "colour of that light; default 1, 1, 1"),
+    ("pileus_emission_scale", "factor on that light; default 1"),
+    (
+        "pileus_phase",
+        "the angular law of scattering: `isotropic`, `henyey_greenstein`, `two_lobe`, `rayleigh`, `draine`, `mie`, `tabulated`, `sggx`; default: that which has the keys given",
+    ),
+    ("pileus_g", "of `henyey_greenstein` and `draine`: between -1 and 1; above 0 scatters forward"),
+    ("pileus_g_grid", "of `henyey_greenstein`: a grid of mean cosines"),
+    ("pileus_g_scale", "factor on that grid; default 1"),
+    ("pileus_g_offset", "mean cosine where that grid is 0; default 0"),
+    ("pileus_g_forward", "of `two_lobe`: mean cosine of the first lobe"),
+    ("pileus_g_backward", "of `two_lobe`: mean cosine of the second lobe"),
+    ("pileus_weight_forward", "of `two_lobe`: share of the first lobe, 0 to 1"),
+    ("pileus_alpha", "of `draine`: weight of the squared cosine, 0 to 1000000"),
+    ("pileus_droplet_diameter", "of `mie`: diameter of the droplets in micrometres, 0.01 to 50"),
+    ("pileus_phase_file", "of `tabulated`: a text file of angles in degrees and values"),
+    ("pileus_flakes", "of `sggx`: `specular` or `diffuse` flakes; default `specular`"),
+    ("pileus_flake_shape", "of `sggx`: `isotropic`, `fibre`, `surface` or `matrix`"),
+    ("pileus_flake_axis", "of `fibre` and `surface`: the axis, of any length"),
+    ("pileus_flake_axis_grid", "a grid of vectors with the axis"),
+    ("pileus_flake_roughness", "of `fibre` and `surface`: 0.001 to 1"),
+    ("pileus_flake_roughness_grid", "a grid of numbers with the roughness"),
+    ("pileus_flake_diagonal_grid", "of `matrix`: a grid of vectors with xx, yy, zz"),
+    ("pileus_flake_off_diagonal_grid", "of `matrix`: a grid of vectors with xy, xz, yz"),
+];
+
+/// The table of custom properties, Markdown.
+pub fn properties_table() -> String {
+    let mut page = String::from("| custom property | meaning |\n|---|---|\n");
+    for name in pileus_scene::gltf::custom_properties() {
+        let known = PROPERTIES.iter().find(|(known, _)| *known == name);
+        let meaning = known.map_or("see the book", |(_, meaning)| meaning);
+        let _ = writeln!(page, "| `{name}` | {meaning} |");
+    }
+    let _ = writeln!(
+        page,
+        "| `pileus_volume` | an object with all keys of a volume in a job, instead of the others |"
+    );
     page
 }
 
@@ -222,8 +310,10 @@ fn named_type(name: &str, schema: &Value) -> String {
     }
     let items = schema.get("items").map_or_else(|| "any".into(), type_of);
     match schema.get("minItems").and_then(Value::as_u64) {
-        Some(count) => format!("{count} x {items}"),
-        None => format!("list of {items}"),
+        Some(count) if schema.get("minItems") == schema.get("maxItems") => {
+            format!("{count} x {items}")
+        }
+        _ => format!("list of {items}"),
     }
 }
 

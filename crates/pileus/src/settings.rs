@@ -1,6 +1,7 @@
 //! A job resolved into settings without options: defaults filled in, paths made whole, values
 //! checked.
 
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
@@ -14,26 +15,28 @@ use pileus_media::MajorantStructure;
 use pileus_media::distance::DistanceSampler;
 use pileus_media::transmittance::Estimator;
 use pileus_scene::json::Document;
-use pileus_scene::uri::resolve_path;
-use pileus_scene::volume::DefaultScale;
-use pileus_scene::volume_spec::{AlbedoSpec, DensitySpec, Rgb, VolumeSpec};
+use pileus_scene::uri::{resolve_path, with_frame};
+use pileus_scene::volume::{DefaultScale, NAME_THE_GRID};
+use pileus_scene::volume_spec::{AlbedoSpec, DensitySpec, InterpolationSpec, Rgb, VolumeSpec};
 use pileus_scene::{
     CameraRequest, ClearSky, Environment, EnvironmentImage, Error, GlassRule, Light, Loaded, Place,
     Point, Scene, SceneRequest, Sun, VolumeSource,
 };
 
+use crate::escape;
 use crate::failure::Failure;
 use crate::input::Input;
 use crate::job::{
     CameraSpec, DEFAULT_FILTER_RADIUS, DEFAULT_FOV_Y, DEFAULT_LUMENS_PER_WATT, DEFAULT_SPP,
-    DistanceSpec, FilmSpec, FilterKind, FilterSpec, GlassSpec, Job, LightSpec, OutputSpec,
+    DistanceSpec, FilmSpec, FilterKind, FilterSpec, GlassSpec, Job, LightSpec, MAX_SPP, OutputSpec,
     SamplingSpec, ShadowRouletteSpec, TransmittanceSpec,
 };
+use crate::outputs::Target;
+use crate::schema::job_schema;
+use crate::validate::validate;
 
 /// Half width of a Blackman-Harris filter of jobs that do not say, pixels.
 const BLACKMAN_HARRIS_RADIUS: f32 = 1.5;
-/// Most samples per pixel.
-const MAX_SPP: u64 = 1 << 32;
 
 /// What the command line changes about a job.
 #[derive(Debug, Clone, Default)]
@@ -50,6 +53,12 @@ pub struct Overrides {
     pub resolution: Option<[u32; 2]>,
     /// Name of a camera of the scene.
     pub camera: Option<String>,
+    /// Write no preview.
+    pub no_preview: bool,
+    /// Write no statistics.
+    pub no_stats: bool,
+    /// Where to write the job that renders the same image again, relative to the current folder.
+    pub save_job: Option<PathBuf>,
 }
 
 /// Which files are written.
@@ -64,7 +73,7 @@ pub struct Outputs {
     /// Exposure of the preview, stops.
     pub exposure: f32,
     /// Counters and times.
-    pub stats: PathBuf,
+    pub stats: Option<PathBuf>,
 }
 
 /// A job without options.
@@ -87,6 +96,8 @@ pub struct Settings {
     resolution: Option<[u32; 2]>,
     default_scale: DefaultScale,
     places: Places,
+    base: PathBuf,
+    overrides: Overrides,
 }
 
 /// Where the environment's image comes from.
@@ -161,6 +172,13 @@ impl Settings {
                 "use a number above 0; 683 is the default",
             ));
         }
+        let render = sampling(&job, filter(&film, &places)?, &places)?;
+        let (crop, resolution) = (crop(&film, &places)?, resolution(&film, &places)?);
+        let camera = camera(job.camera.as_ref(), &places)?;
+        not_in_this_version(&job, &places)?;
+        if let Places::Job(document) = &places {
+            hold_against_schema(document)?;
+        }
         let volumes = job.volumes.iter().flatten().map(|spec| {
             let mut spec = spec.clone();
             let whole = |_: &str, name: &str| {
@@ -171,20 +189,112 @@ impl Settings {
             spec
         });
         Ok(Self {
-            render: sampling(&job, filter(&film, &places)?, &places)?,
-            crop: crop(&film, &places)?,
+            render,
+            crop,
             outputs,
             gltf: job.scene.as_ref().map(|name| (resolve_path(&base, name), lumens_per_watt)),
             volumes: volumes.collect(),
-            camera: camera(job.camera.as_ref(), &places)?,
+            camera,
             lights,
             constant,
             image,
-            resolution: resolution(&film, &places)?,
+            resolution,
             default_scale,
             places,
             job,
+            base,
+            overrides: overrides.clone(),
         })
+    }
+
+    /// What is written, for messages and to be checked; `pixels`: how many the image has, if that
+    /// is known.
+    pub(crate) fn targets(&self, pixels: u64) -> Vec<Target> {
+        let Outputs { image, half, preview, stats, .. } = &self.outputs;
+        let of_image = self.overrides.image.is_some();
+        let at = |key: &str, by_option: bool| (!by_option).then(|| self.places.at(key));
+        // Colour and alpha, and the variance of each in single precision, and the job's text.
+        let per_pixel = if *half { 4 * 2 + 4 * 4 } else { 4 * 4 + 4 * 4 };
+        let mut targets = vec![Target {
+            what: "the image",
+            path: image.clone(),
+            at: at("/output/image", of_image),
+            bytes: pixels.saturating_mul(per_pixel).saturating_add(1 << 12),
+            remedy: "name another file: `image` under `output`, or -o on the command line",
+        }];
+        targets.extend(preview.iter().map(|path| Target {
+            what: "the preview",
+            path: path.clone(),
+            at: at("/output/preview", self.overrides.preview.is_some() || of_image),
+            bytes: pixels.saturating_mul(3),
+            remedy: "name another file: `preview` under `output`, or --preview on the command \
+                     line; null or --no-preview for none",
+        }));
+        targets.extend(stats.iter().map(|path| Target {
+            what: "the statistics file",
+            path: path.clone(),
+            at: at("/output/stats", of_image),
+            bytes: 1 << 14,
+            remedy: "name another file: `stats` under `output`; null or --no-stats for none",
+        }));
+        targets.extend(self.overrides.save_job.iter().map(|path| Target {
+            what: "the saved job",
+            path: path.clone(),
+            at: None,
+            bytes: 1 << 12,
+            remedy: "name another file",
+        }));
+        targets
+    }
+
+    /// Every file that is read: what was given on the command line, and after loading all that it
+    /// led to.
+    pub(crate) fn reads(&self, loaded: Option<&Loaded>) -> Vec<PathBuf> {
+        let given = match &self.places {
+            Places::Job(document) => document.path().to_owned(),
+            Places::File(path) => path.clone(),
+        };
+        let mut reads = vec![given];
+        let further = self.files().into_iter().chain(loaded.iter().flat_map(|l| l.files.clone()));
+        for path in further {
+            if !reads.contains(&path) {
+                reads.push(path);
+            }
+        }
+        reads
+    }
+
+    /// The job that renders the same image again, whatever folder it lies in: with all paths from
+    /// the root on.
+    pub(crate) fn saved_job(&self) -> Job {
+        let whole = |name: &Path| {
+            let path = self.base.join(name);
+            std::path::absolute(&path).unwrap_or(path).to_string_lossy().into_owned()
+        };
+        let here = |path: &Path| {
+            std::path::absolute(path).unwrap_or(path.to_owned()).to_string_lossy().into_owned()
+        };
+        let mut job = self.job.clone();
+        job.scene = job.scene.map(|name| whole(Path::new(&name)));
+        for spec in job.volumes.iter_mut().flatten() {
+            let resolve =
+                |_: &str, name: &str| Ok::<_, std::convert::Infallible>(whole(Path::new(name)));
+            let Ok(()) = spec.resolve_files(resolve);
+        }
+        for light in job.lights.iter_mut().flatten() {
+            if let LightSpec::Environment { image: Some(name), .. } = light {
+                *name = whole(Path::new(name));
+            }
+        }
+        let Outputs { image, preview, stats, exposure, .. } = &self.outputs;
+        job.output = Some(OutputSpec {
+            image: Some(here(image)),
+            preview: Some(preview.as_deref().map(here)),
+            stats: Some(stats.as_deref().map(here)),
+            exposure: Some(*exposure),
+            ..job.output.unwrap_or_default()
+        });
+        job
     }
 
     /// Loads all files and builds the scene.
@@ -220,10 +330,30 @@ impl Settings {
             environment,
             resolution: self.resolution,
             default_scale: self.default_scale,
-        })?;
+        })
+        .map_err(|error| self.in_words_of_options(error))?;
         loaded.seconds_load += seconds;
+        show_safely(&mut loaded);
         self.record(&loaded.scene);
         Ok(loaded)
+    }
+
+    /// Errors about volumes that were given on the command line speak of its options.
+    fn in_words_of_options(&self, error: Error) -> Failure {
+        if matches!(self.places, Places::Job(_)) || self.gltf.is_some() {
+            return error.into();
+        }
+        match error {
+            Error::Missing { place, what, remedy } => {
+                let remedy = remedy.replace(NAME_THE_GRID, "name one with --grid NAME");
+                Error::Missing { place, what, remedy }.into()
+            }
+            // Nobody but `--grid` names a grid here.
+            Error::Vdb { source, .. } if matches!(*source, pileus_vdb::Error::Missing { .. }) => {
+                Failure::usage(source.to_string(), "name a grid of the file with --grid NAME")
+            }
+            other => other.into(),
+        }
     }
 
     /// Fills into the job what loading decided, so that it tells how the image came about.
@@ -271,13 +401,16 @@ impl Settings {
         format!("{hash:016x}")
     }
 
-    /// All files that the job reads.
+    /// All files that the job names.
     pub fn files(&self) -> Vec<PathBuf> {
         let gltf = self.gltf.iter().map(|(path, _)| path.clone());
         let mut volumes = Vec::new();
         for spec in &self.volumes {
-            let collect = |_: &str, name: &str| {
-                volumes.push(PathBuf::from(name));
+            let frame = spec.frame;
+            let collect = |key: &str, name: &str| {
+                let by_frame = (key == "/vdb").then(|| with_frame(name, frame, &Place::default()));
+                let name_of_file = by_frame.and_then(Result::ok);
+                volumes.push(PathBuf::from(name_of_file.as_deref().unwrap_or(name)));
                 Ok::<_, std::convert::Infallible>(name.to_owned())
             };
             let Ok(()) = spec.clone().resolve_files(collect);
@@ -288,6 +421,51 @@ impl Settings {
         });
         gltf.chain(volumes).chain(image).collect()
     }
+}
+
+/// Names from files reach the terminal, the plan and the metadata: without control characters.
+fn show_safely(loaded: &mut Loaded) {
+    let names = loaded.scene.volumes.iter_mut().map(|volume| &mut volume.name);
+    let sentences = loaded.notes.iter_mut().chain(&mut loaded.scene.not_modelled);
+    for text in names.chain(sentences) {
+        if let Cow::Owned(safe) = escape::line(text) {
+            *text = safe;
+        }
+    }
+}
+
+/// What the schema refuses the program refuses.
+fn hold_against_schema(document: &Document) -> Result<(), Failure> {
+    let value: serde_json::Value = document.parse()?;
+    let Err(fault) = validate(&job_schema(), &value) else { return Ok(()) };
+    let place = document.place(&fault.pointer);
+    Err(match fault.later {
+        true => Error::unsupported(place, fault.what, fault.remedy),
+        false => Error::invalid(place, fault.what, fault.remedy),
+    }
+    .into())
+}
+
+/// What the format has and no part of this version renders.
+fn not_in_this_version(job: &Job, places: &Places) -> Result<(), Failure> {
+    for (i, volume) in job.volumes.iter().flatten().enumerate() {
+        if volume.interpolation == Some(InterpolationSpec::Tricubic) {
+            return Err(places.unsupported(
+                &format!("/volumes/{i}/interpolation"),
+                "interpolation `tricubic` is not rendered by this version",
+                "use \"trilinear\" or \"nearest\"",
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// The direction of a vector of any length; `None` if it has none.
+fn direction(vector: [f64; 3]) -> Option<DVec3> {
+    // Squares of very large or small numbers are not finite or zero.
+    let vector = DVec3::from_array(vector);
+    let largest = vector.abs().max_element();
+    (largest > 0.0 && largest.is_finite()).then(|| vector / largest)?.try_normalize()
 }
 
 /// Adds the place in the job to an error that names only the file.
@@ -344,11 +522,14 @@ fn outputs(
             None => places.invalid("/output/image", "the image is written as OpenEXR", remedy),
         });
     }
-    let preview = match (&overrides.preview, &output.preview, &overrides.image) {
-        (Some(path), ..) => Some(path.clone()),
+    let beside = || image.with_extension("png");
+    let preview = match (&overrides.preview, &output.preview) {
+        _ if overrides.no_preview => None,
+        (Some(path), _) => Some(path.clone()),
+        (None, Some(None)) => None,
         // An image that goes elsewhere takes its preview along.
-        (None, Some(_), Some(_)) => Some(image.with_extension("png")),
-        (None, name, _) => name.as_ref().map(|name| base.join(name)),
+        (None, Some(Some(name))) if overrides.image.is_none() => Some(base.join(name)),
+        (None, _) => Some(beside()),
     };
     if let Some(preview) = preview.as_ref().filter(|path| !has_extension(path, "png")) {
         let remedy = "name the preview .png";
@@ -358,9 +539,35 @@ fn outputs(
         });
     }
     let stats = match &output.stats {
-        Some(name) => base.join(name),
-        None => image.with_extension("stats.json"),
+        _ if overrides.no_stats => None,
+        Some(None) => None,
+        Some(Some(name)) => Some(base.join(name)),
+        None => Some(image.with_extension("stats.json")),
     };
+    let named = [
+        (overrides.image.is_some(), output.image.is_some(), "/output/image", Some(&image)),
+        (
+            overrides.preview.is_some(),
+            matches!(output.preview, Some(Some(_))),
+            "/output/preview",
+            preview.as_ref(),
+        ),
+        (false, matches!(output.stats, Some(Some(_))), "/output/stats", stats.as_ref()),
+    ];
+    for (by_option, by_job, pointer, path) in named {
+        let by_job = by_job && matches!(places, Places::Job(_));
+        let name = path.and_then(|path| path.file_name()).map(|name| name.to_string_lossy());
+        if (by_option || by_job) && name.is_some_and(|name| name.contains('#')) {
+            // Written as it stands, every frame would overwrite the one before.
+            let what = "no frame number is filled in for the `#` in the name of an output by this \
+                        version";
+            let remedy = "give each frame a name of its own, without `#`";
+            return Err(match by_option {
+                true => Failure::usage(what, remedy),
+                false => places.unsupported(pointer, what, remedy),
+            });
+        }
+    }
     let exposure = output.exposure.unwrap_or(0.0);
     if !(exposure.abs() <= 64.0) {
         let what = format!("the exposure is {exposure} stops");
@@ -589,7 +796,7 @@ fn lights(job: &Job, base: &Path, places: &Places) -> Result<Lights, Failure> {
         };
         match light {
             LightSpec::Sun { to_light, irradiance, angular_diameter } => {
-                let Some(to_light) = DVec3::from_array(*to_light).try_normalize() else {
+                let Some(to_light) = direction(*to_light) else {
                     return Err(places.invalid(
                         &pointer("/to_light"),
                         "the sun has no direction",
@@ -628,7 +835,8 @@ fn lights(job: &Job, base: &Path, places: &Places) -> Result<Lights, Failure> {
                         "remove it",
                     ));
                 }
-                *constant.get_or_insert(Vec3::ZERO) += colour(radiance, "/radiance")?;
+                let sum = constant.unwrap_or(Vec3::ZERO) + colour(radiance, "/radiance")?;
+                constant = Some(sum.min(Vec3::splat(f32::MAX)));
             }
             LightSpec::Environment { radiance: None, image: Some(name), intensity, rotation_y } => {
                 one_image(image.as_ref(), &pointer(""), places)?;
@@ -698,7 +906,8 @@ fn clear_sky(light: &LightSpec, pointer: &str, places: &Places) -> Result<ClearS
     {
         sky = ClearSky {
             to_sun: match (to_sun, elevation, azimuth) {
-                (Some(to_sun), None, None) => DVec3::from_array(*to_sun),
+                // What has no direction is refused below.
+                (Some(to_sun), None, None) => direction(*to_sun).unwrap_or_default(),
                 (None, Some(degrees), azimuth) => {
                     if !(-90.0..=90.0).contains(degrees) {
                         return Err(places.invalid(

@@ -97,6 +97,9 @@ pub struct Loaded {
     pub notes: Vec<String>,
     /// What is likely not meant so, as sentences for people.
     pub warnings: Vec<String>,
+    /// The files that the scene is made of: the glTF file, its buffers and images, volumes, tables.
+    /// Those of the environment are read before and not among them.
+    pub files: Vec<PathBuf>,
     /// Seconds spent in reading files.
     pub seconds_load: f64,
     /// Seconds spent in building render grids.
@@ -124,6 +127,7 @@ impl Scene {
             warnings.extend(file.warnings.iter().cloned());
         }
         let volumes = load_volumes(&mut loader, &request, file.as_ref(), &mut notes)?;
+        let files = crate::files::of_scene(&request, file.as_ref(), &loader);
         let nothing_seen = volumes.is_empty() && surfaces.is_none();
         let lost = file.as_ref().and_then(|file| lost_properties(file, nothing_seen));
         let (camera, note) = choose_camera(&request, file.as_ref(), &volumes, surfaces.as_ref())
@@ -170,6 +174,7 @@ impl Scene {
             },
             notes,
             warnings,
+            files,
             seconds_load: loader.seconds_load,
             seconds_build: loader.seconds_build,
         })

@@ -1,5 +1,6 @@
 //! What a user writes about media of flakes.
 
+use crate::volume_rules as rules;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -31,12 +32,14 @@ pub enum FlakeShapeSpec {
 /// How the normals of flakes are distributed. Axes are those of the volume before its transform, and turn with it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[schemars(extend("allOf" = rules::flakes()))]
 pub struct FlakeSpec {
     /// Kind of distribution.
     pub shape: FlakeShapeSpec,
     /// The axis, of any length.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("examples" = [[0, 1, 0]]))]
+    #[schemars(extend("allOf" = [crate::schema_rule::direction()]))]
     pub axis: Option<[f64; 3]>,
     /// Grid of vectors with the axis; where it is 0, flakes are isotropic.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -44,6 +47,7 @@ pub struct FlakeSpec {
     /// Area shown along a fibre or across a surface's normal, relative to the largest, 0.001 to 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("examples" = [0.1]))]
+    #[schemars(extend("minimum" = f64::from(pileus_media::flakes::MIN_ROUGHNESS), "maximum" = 1))]
     pub roughness: Option<f64>,
     /// Grid of numbers with the roughness; needs `axis_grid`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -51,6 +55,7 @@ pub struct FlakeSpec {
     /// Entries xx, yy, zz of the matrix.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("examples" = [[1, 1, 0.01]]))]
+    #[schemars(transform = rules::entries)]
     pub diagonal: Option<[f64; 3]>,
     /// Entries xy, xz, yz of the matrix; 0 if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]

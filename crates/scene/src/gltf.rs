@@ -8,7 +8,7 @@ use std::collections::BTreeSet;
 use std::f32::consts::{FRAC_PI_4, PI};
 use std::fs::File;
 use std::io::Read;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use glam::{DAffine3, DMat3, DQuat, DVec3, Vec3};
@@ -24,7 +24,7 @@ use crate::gltf_mesh;
 pub use crate::gltf_mesh::{GltfMesh, GltfSurfaces};
 use crate::gltf_pose::default_weights;
 use crate::gltf_texture;
-use crate::gltf_volume::{EXTENSION, KEPT, volume_of_node};
+use crate::gltf_volume::{EXTENSION, KEPT, flat_keys, volume_of_node};
 use crate::json::{Document, acceptable_gltf};
 use crate::light::{Light, Point, Spot, Sun};
 use crate::surface::GlassRule;
@@ -56,6 +56,8 @@ pub struct GltfScene {
     pub(crate) transforms: Vec<Option<DAffine3>>,
     /// Numbers of things in the file, for `info`.
     pub counts: GltfCounts,
+    /// The files that its buffers and images are in, whether they are needed or not.
+    pub files: Vec<PathBuf>,
 }
 
 /// A perspective camera of a glTF file.
@@ -125,6 +127,10 @@ const MODELLED: [&str; 7] = [
 
 /// Names that a list in a message shows.
 const SHOWN: usize = 8;
+/// The names of the custom properties (flat keys of `extras`) by which a node becomes a volume.
+pub fn custom_properties() -> Vec<&'static str> {
+    flat_keys()
+}
 
 fn is_modelled(extension: &str) -> bool {
     MODELLED.contains(&extension) || gltf_material::MODELLED.contains(&extension)
@@ -261,6 +267,7 @@ fn walk(
                 animations,
                 skins: root.skins.len(),
             },
+            files: crate::files::of_gltf(document, root),
         },
     };
     walk.run()?;

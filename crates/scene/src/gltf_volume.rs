@@ -44,6 +44,11 @@ const FLAT: [&str; 19] = [
     "pileus_up_axis",
 ];
 
+/// The names of all flat keys.
+pub(crate) fn flat_keys() -> Vec<&'static str> {
+    FLAT.into_iter().chain(flat_phase_keys()).collect()
+}
+
 /// What node `index` says about a volume, its paths resolved relative to the glTF file.
 ///
 /// Returns the specification and the JSON pointer where it stands.
@@ -96,7 +101,7 @@ pub(crate) struct Flat<'a> {
 impl Flat<'_> {
     fn volume(&self, base: &Path) -> Result<Option<VolumeSpec>, Error> {
         let mut any = false;
-        let known: Vec<&str> = FLAT.into_iter().chain(flat_phase_keys()).collect();
+        let known = flat_keys();
         for key in self.extras.keys().filter(|key| key.starts_with("pileus_")) {
             any = true;
             if !known.contains(&key.as_str()) {

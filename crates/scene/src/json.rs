@@ -248,7 +248,17 @@ fn syntax_fault(text: &str, error: &serde_json::Error) -> Fault {
     let offset = (line_start + error.column().saturating_sub(1)).min(text.len());
     let rest = text.as_bytes().get(offset..).unwrap_or_default();
     let comment = rest.first() == Some(&b'/') || rest.first() == Some(&b'#');
-    let (what, remedy) = if comment {
+    // Where the word begins that holds the offending byte: `NaN` and its relatives are told by name.
+    let before = text.get(..offset).unwrap_or_default();
+    let letters = before.bytes().rev().take_while(u8::is_ascii_alphabetic).count();
+    let word = before.len() - letters;
+    let word = text.get(word..).unwrap_or_default().trim_start_matches(['-', '+']);
+    let word: String = word.chars().take_while(char::is_ascii_alphabetic).collect();
+    let no_number = ["nan", "inf", "infinity"].contains(&word.to_ascii_lowercase().as_str());
+    let (what, remedy) = if no_number {
+        let what = format!("`{word}` is not a number that JSON has");
+        (what, "write a finite number, or remove the key")
+    } else if comment {
         ("comments are not part of JSON".to_owned(), "remove the comment")
     } else {
         let message = strip_position(&error.to_string());

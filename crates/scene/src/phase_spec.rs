@@ -4,6 +4,7 @@ use std::borrow::Cow;
 use std::fmt;
 
 use crate::flake_spec::{FlakeScatteringSpec, FlakeSpec};
+use crate::volume_rules as rules;
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::{self, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -23,17 +24,21 @@ pub enum PhaseSpec {
     TwoLobe {
         /// Mean cosine of the first lobe.
         #[schemars(extend("examples" = [0.9]))]
+        #[schemars(transform = rules::cosine)]
         g_forward: f64,
         /// Mean cosine of the second lobe.
         #[schemars(extend("examples" = [-0.3]))]
+        #[schemars(transform = rules::cosine)]
         g_backward: f64,
         /// Share of the first lobe, between 0 and 1.
         #[schemars(extend("examples" = [0.8]))]
+        #[schemars(extend("minimum" = 0, "maximum" = 1))]
         weight_forward: f64,
     },
     /// A sum of up to 64 lobes of any kind without grids.
     Mixture {
         /// The lobes.
+        #[schemars(transform = rules::lobes)]
         lobes: Vec<LobeSpec>,
     },
     /// Particles far smaller than the wavelength.
@@ -41,8 +46,10 @@ pub enum PhaseSpec {
     /// Draine 2003: Henyey and Greenstein times `1 + alpha cos^2`.
     Draine {
         /// Parameter of the Henyey-Greenstein factor between -1 and 1 without its ends; not the mean cosine.
+        #[schemars(transform = rules::cosine)]
         g: f64,
         /// Weight of the squared cosine, 0 to 1000000; 0 is Henyey-Greenstein, 1 with `g` 0 is Rayleigh.
+        #[schemars(extend("minimum" = 0, "maximum" = 1e6))]
         alpha: f64,
     },
     /// Water droplets of clouds and fog: Henyey-Greenstein and Draine fitted to Mie theory (Jendersie
@@ -50,6 +57,7 @@ pub enum PhaseSpec {
     Mie {
         /// Diameter of the droplets in micrometres, 0.01 to 50.
         #[schemars(extend("examples" = [10]))]
+        #[schemars(extend("minimum" = 0.01, "maximum" = 50))]
         droplet_diameter: f64,
     },
     /// Small flakes [Jakob et al. 2010] with normals by the SGGX distribution [Heitz et al. 2015]. The extinction depends on direction: it is the
@@ -77,6 +85,7 @@ pub enum PhaseSpec {
 #[serde(deny_unknown_fields)]
 pub struct LobeSpec {
     /// Relative to the other weights; at least 0.
+    #[schemars(transform = rules::factor)]
     pub weight: f64,
     /// The lobe.
     pub phase: PhaseSpec,
@@ -100,10 +109,12 @@ pub struct CosineGridSpec {
     /// Factor.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("default" = 1))]
+    #[schemars(transform = rules::offset)]
     pub scale: Option<f64>,
     /// The mean cosine where the grid is 0.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("default" = 0))]
+    #[schemars(transform = rules::offset)]
     pub offset: Option<f64>,
 }
 
@@ -176,9 +187,10 @@ impl JsonSchema for CosineSpec {
 
     fn json_schema(generator: &mut SchemaGenerator) -> Schema {
         let grid = generator.subschema_for::<CosineGridSpec>();
+        let limit = f64::from(pileus_media::phase::MAX_G);
         json_schema!({
             "description": "A number, or a grid of the same file.",
-            "anyOf": [{ "type": "number" }, grid]
+            "anyOf": [{ "type": "number", "minimum": -limit, "maximum": limit }, grid]
         })
     }
 }

@@ -355,6 +355,11 @@ impl VolumeLoader {
         }))
     }
 
+    /// The OpenVDB files that were read so far, in no order.
+    pub fn files(&self) -> impl Iterator<Item = &Path> {
+        self.files.keys().map(PathBuf::as_path)
+    }
+
     fn open(&mut self, path: &Path, place: &dyn Fn() -> Place) -> Result<Arc<VdbFile>, Error> {
         if let Some(file) = self.files.get(path) {
             return Ok(file.clone());
@@ -715,6 +720,10 @@ fn move_box(bounds: (DVec3, DVec3), transform: &DAffine3) -> Option<(DVec3, DVec
     Some((a.min(b), a.max(b)))
 }
 
+/// What to do where it is not clear which grid is the density: what the remedy of that error begins
+/// with, so that programs can say it in words of their own.
+pub const NAME_THE_GRID: &str = "name one with `density`: {\"grid\": ...}";
+
 /// The grid that gives the density: as named, else `density`, else the only fog volume.
 fn density_grid(
     file: &VdbFile,
@@ -732,10 +741,7 @@ fn density_grid(
             } else {
                 (
                     "it is not clear which grid is the density".to_owned(),
-                    format!(
-                        "name one with `density`: {{\"grid\": ...}}; the file has {}",
-                        names.join(", ")
-                    ),
+                    format!("{NAME_THE_GRID}; the file has {}", names.join(", ")),
                 )
             };
             Error::missing(place_of_grid(), format!("{}: {what}", path.display()), remedy)

@@ -5,6 +5,7 @@ use std::borrow::Cow;
 use std::fmt;
 
 use crate::phase_spec::PhaseSpec;
+use crate::{volume_rules as rules, whole};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::{self, MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -15,6 +16,7 @@ pub const DEFAULT_ALBEDO: f64 = 0.999;
 /// One volume: grids of an OpenVDB file, or a homogeneous medium.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[schemars(extend("allOf" = rules::volume()))]
 pub struct VolumeSpec {
     /// Name for messages and metadata. Default: the name of the file.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -23,9 +25,10 @@ pub struct VolumeSpec {
     /// number, padded with zeros to the length of the run. Either this or `homogeneous` is needed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("examples" = ["cumulus.vdb", "smoke.####.vdb"]))]
+    #[schemars(extend("pattern" = crate::schema_rule::ONE_RUN))]
     pub vdb: Option<String>,
     /// The frame number that replaces `#` in `vdb`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "whole::option")]
     pub frame: Option<i64>,
     /// Which grid gives the density and how much extinction it means.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -33,6 +36,7 @@ pub struct VolumeSpec {
     /// Extinction of the channels relative to each other; a number means grey.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("default" = 1))]
+    #[schemars(transform = rules::at_most(1e30))]
     pub extinction: Option<Rgb>,
     /// Single-scattering albedo between 0 and 1: per channel, grey, or a grid.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -48,6 +52,7 @@ pub struct VolumeSpec {
     pub law: Option<LawSpec>,
     /// A weighted sum of laws instead of `law`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("minItems" = 1, "maxItems" = 64))]
     pub law_mixture: Option<Vec<LawComponentSpec>>,
     /// Light that the volume gives off.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -55,6 +60,7 @@ pub struct VolumeSpec {
     /// How values between voxels are formed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("default" = "trilinear"))]
+    #[schemars(extend("not" = {"const": "tricubic"}))]
     pub interpolation: Option<InterpolationSpec>,
     /// Placement, applied after the grid's own transform (and after `up_axis`).
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -80,8 +86,12 @@ pub struct DensitySpec {
     /// Extinction per scene unit where the grid has the value 1; at least 0.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("default" = 1))]
+    #[schemars(transform = rules::factor)]
     pub scale: Option<f64>,
 }
+
+/// Largest number of a colour, what single precision has.
+pub const LARGEST_COLOR: f64 = 3.4e38;
 
 /// A number for all channels, or one per channel (linear Rec. 709).
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -122,19 +132,25 @@ pub enum LawSpec {
     /// `(1 + tau / k)^-k`: particles in clusters.
     Power {
         /// Above 1; exponential as it grows.
+        #[schemars(extend("exclusiveMinimum" = 1, "maximum" = 1e9))]
         k: f64,
     },
+    #[schemars(extend("allOf" = [rules::davis_weinstein()]))]
     /// Clusters at all scales (Davis and Mineev-Weinstein 2011): optical depths vary by a gamma
     /// distribution of variance `(c tau)^(2 h)`.
     DavisWeinstein {
         /// Hurst exponent, above 0.5 and at most 1; 1 is the power law of `k = 1 / c^2`.
+        #[schemars(extend("exclusiveMinimum" = 0.5, "maximum" = 1))]
         h: f64,
         /// Strength of the variation, above 0; below 1 where `h` is 1.
+        #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1000))]
         c: f64,
     },
     /// Particles that keep apart: flights between them are sums of `n` exponential ones.
     Erlang {
         /// From 2 to 64; the more, the more regular.
+        #[serde(deserialize_with = "whole::number")]
+        #[schemars(extend("minimum" = 2, "maximum" = 64))]
         n: u32,
     },
     /// `max(0, 1 - tau)`: from particle to particle always the same optical depth.
@@ -152,10 +168,12 @@ pub enum LawSpec {
 #[serde(deny_unknown_fields)]
 pub struct LawComponentSpec {
     /// Its share, above 0; shares are divided by their sum.
+    #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1e9))]
     pub weight: f64,
     /// Factor on its optical depth, above 0.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("default" = 1))]
+    #[schemars(extend("exclusiveMinimum" = 1e-9, "maximum" = 1e9))]
     pub rate: Option<f64>,
     /// The law.
     pub law: LawSpec,
@@ -205,6 +223,7 @@ pub enum EmissionSpec {
         /// Factor on the radiance.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         #[schemars(extend("default" = 1))]
+        #[schemars(transform = rules::factor)]
         intensity: Option<f64>,
         /// False: Planck's radiance in W/(m^2 sr), weighted by the CIE 1931 observer, so that 683
         /// times its luminance is in cd/m^2. True: the same colour at luminance 1 (rising from 0 at
@@ -213,6 +232,7 @@ pub enum EmissionSpec {
         #[schemars(extend("default" = false))]
         normalised: Option<bool>,
     },
+    #[schemars(extend("allOf" = [rules::color_or_ramp()]))]
     /// Radiance added per scene unit, whatever the density: `scale * color * value`, or `scale` times
     /// the colour that `ramp` gives the value. What Cycles calls emission coefficients.
     Grid {
@@ -221,14 +241,17 @@ pub enum EmissionSpec {
         /// Linear Rec. 709; excludes `ramp`.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         #[schemars(extend("default" = [1, 1, 1]))]
+        #[schemars(transform = rules::at_most(1e30))]
         color: Option<Rgb>,
         /// Factor.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         #[schemars(extend("default" = 1))]
+        #[schemars(transform = rules::factor)]
         scale: Option<f64>,
         /// Colours by grid value, in ascending order: linear between them, constant beyond the first
         /// and the last. Black at the grid's background, 0 as a rule.
         #[serde(default, skip_serializing_if = "Option::is_none")]
+        #[schemars(extend("minItems" = 1))]
         ramp: Option<Vec<RampNodeSpec>>,
     },
 }
@@ -238,8 +261,10 @@ pub enum EmissionSpec {
 #[serde(deny_unknown_fields)]
 pub struct RampNodeSpec {
     /// Value of the grid.
+    #[schemars(transform = rules::offset)]
     pub value: f64,
     /// Linear Rec. 709.
+    #[schemars(transform = rules::at_most(1e30))]
     pub color: Rgb,
 }
 
@@ -252,10 +277,12 @@ pub struct TemperatureSpec {
     /// Kelvin per grid unit; at least 0.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("default" = 1))]
+    #[schemars(transform = rules::factor)]
     pub scale: Option<f64>,
     /// Kelvin where the grid is 0.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("default" = 0))]
+    #[schemars(transform = rules::offset)]
     pub offset: Option<f64>,
 }
 
@@ -282,10 +309,12 @@ pub struct TransformSpec {
     /// Quaternion (x, y, z, w).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("default" = [0, 0, 0, 1]))]
+    #[schemars(extend("allOf" = [crate::schema_rule::direction()]))]
     pub rotation: Option<[f64; 4]>,
     /// Factors along the axes, none of them 0.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("default" = [1, 1, 1]))]
+    #[schemars(transform = rules::scales)]
     pub scale: Option<[f64; 3]>,
 }
 
@@ -305,6 +334,7 @@ pub enum UpAxis {
 #[serde(deny_unknown_fields)]
 pub struct HomogeneousSpec {
     /// Extinction per scene unit, multiplied by `extinction`; at least 0.
+    #[schemars(extend("minimum" = 0, "exclusiveMaximum" = 1e30))]
     pub sigma_t: f64,
     /// Lowest and highest corner of the box it fills; null fills space.
     #[serde(default)]
@@ -404,8 +434,13 @@ impl JsonSchema for Rgb {
         json_schema!({
             "description": "A number for all channels, or [red, green, blue] (linear Rec. 709).",
             "anyOf": [
-                { "type": "number" },
-                { "type": "array", "items": { "type": "number" }, "minItems": 3, "maxItems": 3 }
+                { "type": "number", "minimum": 0, "maximum": LARGEST_COLOR },
+                {
+                    "type": "array",
+                    "items": { "type": "number", "minimum": 0, "maximum": LARGEST_COLOR },
+                    "minItems": 3,
+                    "maxItems": 3
+                }
             ]
         })
     }
@@ -420,8 +455,13 @@ impl JsonSchema for AlbedoSpec {
         json_schema!({
             "description": "A number for all channels, [red, green, blue], or a grid of the same file.",
             "anyOf": [
-                { "type": "number" },
-                { "type": "array", "items": { "type": "number" }, "minItems": 3, "maxItems": 3 },
+                { "type": "number", "minimum": 0, "maximum": 1 },
+                {
+                    "type": "array",
+                    "items": { "type": "number", "minimum": 0, "maximum": 1 },
+                    "minItems": 3,
+                    "maxItems": 3
+                },
                 {
                     "type": "object",
                     "properties": {

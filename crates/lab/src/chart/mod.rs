@@ -48,9 +48,9 @@ impl Chart {
     /// # Errors
     /// If a file cannot be written or a plot cannot be drawn.
     pub fn write(&self, folder: &Path) -> Result<Vec<PathBuf>, Error> {
-        std::fs::create_dir_all(folder).map_err(|source| Error::Argument {
-            what: format!("{}: cannot make this folder: {source}", folder.display()),
-            remedy: "name one that can be written",
+        std::fs::create_dir_all(folder).map_err(|source| {
+            let place = folder.display().to_string();
+            Error::Film(pileus_film::Error::Io { place, action: "make this folder", source })
         })?;
         let mut written = Vec::new();
         let mut put = |name: String, bytes: &[u8]| -> Result<(), Error> {

@@ -12,6 +12,7 @@ use pileus_lab::experiment::{
 };
 use pileus_media::Medium;
 use pileus_scene::json::Document;
+use pileus_scene::{Error, Place};
 use serde::Deserialize;
 
 use crate::cli::{
@@ -21,6 +22,7 @@ use crate::cli::{
 use crate::command::prepare;
 use crate::failure::Failure;
 use crate::input::read_text;
+use crate::outputs::{self, Target};
 use crate::report::Report;
 use crate::settings::Overrides;
 
@@ -34,9 +36,69 @@ pub(crate) fn run(options: &ChartOptions, report: &Report) -> Result<(), Failure
         Experiment::Transmittance(options) => transmittance(options, report),
         Experiment::Render(options) => render(options, report),
         Experiment::Majorants(options) => majorants(options, report),
-        Experiment::Stability(options) => stability_chart(options, report),
-        Experiment::Laws(options) => write(&chart_laws()?, &options.output, report),
+        Experiment::Stability(options) => {
+            ready(&options.output)?;
+            stability_chart(options, report)
+        }
+        Experiment::Laws(options) => {
+            ready(&options.output)?;
+            write(&chart_laws()?, &options.output, report)
+        }
     }
+}
+
+/// Makes the folder of charts, and finds out whether it can be written.
+fn ready(folder: &Path) -> Result<(), Failure> {
+    std::fs::create_dir_all(folder).map_err(|source| Failure::Io {
+        path: folder.to_owned(),
+        what: "this folder cannot be made".into(),
+        source,
+    })?;
+    outputs::check(&[], &[Target::by_option("the chart", &folder.join("chart.csv"), 0)])
+}
+
+/// Refuses charts that would overwrite what they are made from, or each other, before anything is
+/// measured. Their files are called like the chart, with an ending.
+fn check_names(
+    folder: &Path,
+    kind: &str,
+    names: &[String],
+    reads: &[&PathBuf],
+) -> Result<(), Failure> {
+    let same = |path: &Path| {
+        let parent = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let parent = std::fs::canonicalize(parent).ok();
+        parent.is_some() && parent == std::fs::canonicalize(folder).ok()
+    };
+    for (i, name) in names.iter().enumerate() {
+        if names[..i].contains(name) {
+            return Err(Failure::usage(
+                format!("two charts would be called {kind}-{name} and overwrite each other"),
+                "draw them into different folders with -o",
+            ));
+        }
+        let chart = format!("{kind}-{name}");
+        let would_write = |path: &&&PathBuf| {
+            // A link may lead anywhere.
+            let whole = std::fs::canonicalize(path).unwrap_or(path.to_path_buf());
+            [path.as_path(), whole.as_path()].into_iter().any(|path| {
+                let file = path.file_name().map(|n| n.to_string_lossy().into_owned());
+                let rest = file.as_deref().and_then(|file| file.strip_prefix(&chart));
+                let ours = |rest: &str| {
+                    rest.starts_with(['.', '-'])
+                        && [".csv", ".html", ".svg", ".png"].iter().any(|end| rest.ends_with(end))
+                };
+                rest.is_some_and(ours) && same(path)
+            })
+        };
+        if let Some(read) = reads.iter().find(would_write) {
+            return Err(Failure::usage(
+                format!("the chart would overwrite {}, which is read", read.display()),
+                "draw it into another folder with -o",
+            ));
+        }
+    }
+    ready(folder)
 }
 
 fn write(chart: &Chart, folder: &Path, report: &Report) -> Result<(), Failure> {
@@ -50,6 +112,14 @@ fn write(chart: &Chart, folder: &Path, report: &Report) -> Result<(), Failure> {
 
 fn stem(path: &Path) -> String {
     path.file_stem().map_or_else(|| "asset".into(), |s| s.to_string_lossy().into_owned())
+}
+
+/// What the chart of an asset is called: after its file, or the case of a file.
+fn name_of(asset: &Path) -> String {
+    match asset.to_string_lossy().rsplit_once('#') {
+        Some((_, case)) if !asset.exists() => case.to_owned(),
+        _ => stem(asset),
+    }
 }
 
 #[derive(Deserialize)]
@@ -76,14 +146,9 @@ fn closed_forms(asset: &Path) -> Result<Option<(String, Vec<ProfileCase>)>, Fail
     for case in &cases {
         let numbers = [case.length, case.bound(), case.optical_depth()];
         if !numbers.iter().all(|x| x.is_finite() && *x >= 0.0) {
-            return Err(Failure::usage(
-                format!(
-                    "{}: case `{}` has no finite depth, length or bound",
-                    file.display(),
-                    case.name
-                ),
-                "give finite numbers of at least 0",
-            ));
+            let what = format!("case `{}` has no finite depth, length or bound", case.name);
+            let remedy = "give finite numbers of at least 0";
+            return Err(Error::invalid(Place::file(&file), what, remedy).into());
         }
     }
     let mut name = stem(&file);
@@ -102,6 +167,9 @@ fn closed_forms(asset: &Path) -> Result<Option<(String, Vec<ProfileCase>)>, Fail
 }
 
 fn transmittance(options: &ChartTransmittanceOptions, report: &Report) -> Result<(), Failure> {
+    let reads: Vec<&PathBuf> = options.assets.iter().collect();
+    let names: Vec<String> = options.assets.iter().map(|asset| name_of(asset)).collect();
+    check_names(&options.output, "transmittance", &names, &reads)?;
     let settings = TransmittanceSettings {
         samples: options.samples,
         seed: options.seed,
@@ -166,9 +234,15 @@ fn render(options: &ChartRenderOptions, report: &Report) -> Result<(), Failure> 
         options
             .methods
             .iter()
-            .map(|name| RenderMethod::from_name(name))
+            .map(|name| {
+                // The command line is what names methods.
+                RenderMethod::from_name(name).map_err(|error| Failure::usage(error.to_string(), ""))
+            })
             .collect::<Result<_, _>>()?
     };
+    let reads: Vec<&PathBuf> = options.jobs.iter().chain(&options.peers).collect();
+    let names: Vec<String> = options.jobs.iter().map(|job| stem(job)).collect();
+    check_names(&options.output, "render", &names, &reads)?;
     let peers = options.peers.as_deref().map(read_peers).transpose()?.unwrap_or_default();
     for job in &options.jobs {
         let input = InputOptions::of(job.clone());
@@ -191,6 +265,9 @@ fn render(options: &ChartRenderOptions, report: &Report) -> Result<(), Failure> 
 }
 
 fn majorants(options: &ChartMajorantsOptions, report: &Report) -> Result<(), Failure> {
+    let reads: Vec<&PathBuf> = options.jobs.iter().collect();
+    let names: Vec<String> = options.jobs.iter().map(|job| stem(job)).collect();
+    check_names(&options.output, "majorants", &names, &reads)?;
     for job in &options.jobs {
         let input = InputOptions::of(job.clone());
         let overrides = Overrides { resolution: options.resolution, ..Overrides::default() };
@@ -210,10 +287,10 @@ fn read_peers(path: &Path) -> Result<Peers, Failure> {
     let mut lines =
         text.lines().enumerate().filter(|(_, l)| !l.trim().is_empty() && !l.starts_with('#'));
     let wrong = |line: usize, what: &str| {
-        Failure::usage(
-            format!("{}:{}: {what}", path.display(), line + 1),
-            "give comma-separated columns scene, renderer, seconds and relmse, with a header",
-        )
+        let place = Place { line: Some(line + 1), ..Place::file(path) };
+        let remedy =
+            "give comma-separated columns scene, renderer, seconds and relmse, with a header";
+        Failure::from(Error::invalid(place, what, remedy))
     };
     let (line, header) = lines.next().ok_or_else(|| wrong(0, "the file is empty"))?;
     let columns: Vec<&str> = header.split(',').map(str::trim).collect();

@@ -1,13 +1,18 @@
 //! `pileus check`.
 
+use pileus_integrator::Plan;
+
 use crate::cli::InputOptions;
-use crate::command::{Prepared, prepare_without_paths};
+use crate::command::{Prepared, prepare_to_write};
 use crate::failure::Failure;
 use crate::report::Report;
 use crate::settings::Overrides;
 
 pub(crate) fn run(options: &InputOptions, report: &Report) -> Result<(), Failure> {
-    let Prepared { settings, loaded, .. } = prepare_without_paths(options, &Overrides::default())?;
+    // No path is traced: it takes as long as loading does.
+    let overrides = Overrides::default();
+    let Prepared { settings, loaded, .. } =
+        prepare_to_write(Plan::without_paths, options, &overrides)?;
     // What only the film can refuse, a crop outside the image for one.
     pileus_film::Film::new(loaded.scene.camera.resolution(), settings.crop)?;
     let [width, height] = loaded.scene.camera.resolution();
@@ -18,9 +23,12 @@ pub(crate) fn run(options: &InputOptions, report: &Report) -> Result<(), Failure
         loaded.scene.lights.len(),
         settings.render.samples.end,
     ));
-    for file in settings.files() {
+    // The job itself is named above.
+    for file in settings.reads(Some(&loaded)).iter().skip(1) {
         report.text(format_args!("  reads {}", file.display()));
     }
-    report.text(format_args!("  writes {}", settings.outputs.image.display()));
+    for target in settings.targets(0) {
+        report.text(format_args!("  writes {}", target.path.display()));
+    }
     Ok(())
 }

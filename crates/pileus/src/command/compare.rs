@@ -9,6 +9,7 @@ use pileus_lab::{CompareSettings, Comparison, compare_with, difference_image, di
 
 use crate::cli::CompareOptions;
 use crate::failure::Failure;
+use crate::outputs::{self, Target};
 use crate::report::Report;
 
 pub(crate) fn run(options: &CompareOptions, report: &Report) -> Result<(), Failure> {
@@ -21,6 +22,10 @@ pub(crate) fn run(options: &CompareOptions, report: &Report) -> Result<(), Failu
             return Err(Failure::usage(what, "name it .exr (signed values) or .png (to look at)"));
         }
     };
+    if let Some(path) = &options.difference {
+        let target = Target::by_option("the difference image", path, 0);
+        outputs::check(&[options.a.clone(), options.b.clone()], &[target])?;
+    }
     let (a, b) = (read_exr(&options.a)?, read_exr(&options.b)?);
     let (space_a, space_b) = (color_space(&options.a)?, color_space(&options.b)?);
     if space_a != space_b {

@@ -11,8 +11,9 @@ use pileus_vdb::{Compression, Coord, Grid, GridInfo, MetaValue, Metadata, Tree, 
 use serde_json::{Map, Value, json};
 
 use crate::cli::InfoOptions;
+use crate::escape;
 use crate::failure::Failure;
-use crate::input::{Input, Kind, VdbOptions};
+use crate::input::{Input, Kind, look};
 use crate::job::DEFAULT_LUMENS_PER_WATT;
 use crate::report::Report;
 use crate::settings::{Overrides, Settings};
@@ -27,7 +28,8 @@ pub(crate) fn run(options: &InfoOptions, report: &Report) -> Result<(), Failure>
         }
         return Ok(());
     }
-    match Kind::of(&options.file)? {
+    let (kind, text) = look(&options.file)?;
+    match kind {
         Kind::Vdb => {
             let info = vdb(&options.file)?;
             if options.json {
@@ -46,7 +48,7 @@ pub(crate) fn run(options: &InfoOptions, report: &Report) -> Result<(), Failure>
             }
         }
         Kind::Job => {
-            let input = Input::open(&options.file, &VdbOptions::default())?;
+            let input = Input::of_job(&options.file, text)?;
             let document = input.document.clone();
             let settings = Settings::resolve(input, &Overrides::default())?;
             let info = job_json(&settings, document.as_ref());
@@ -188,6 +190,11 @@ fn shown(line: &str) -> String {
         if c.is_control() { escaped } else { c.to_string() }
     };
     line.chars().map(escape).collect()
+}
+
+/// Lines that may hold names from files, as one text.
+fn joined(lines: &[String]) -> String {
+    lines.iter().map(|line| escape::line(line)).collect::<Vec<_>>().join("\n")
 }
 
 /// A number as JSON; what JSON does not have becomes a string.
@@ -446,7 +453,7 @@ fn vdb_text(path: &Path, info: &Value) -> String {
             if built.get("stored_as_half") == Some(&Value::Bool(true)) { "binary16" } else { "binary32" },
         ));
     }
-    lines.join("\n")
+    joined(&lines)
 }
 
 fn light_json(light: &Light) -> Value {
@@ -543,7 +550,7 @@ fn gltf_text(path: &Path, scene: &GltfScene) -> String {
     }
     lines.extend(scene.warnings.iter().map(|item| format!("warning: {item}")));
     lines.extend(scene.not_modelled.iter().map(|item| format!("not modelled: {item}")));
-    lines.join("\n")
+    joined(&lines)
 }
 
 fn job_json(settings: &Settings, document: Option<&Document>) -> Value {
@@ -559,7 +566,7 @@ fn job_json(settings: &Settings, document: Option<&Document>) -> Value {
         "outputs": {
             "image": settings.outputs.image.to_string_lossy(),
             "preview": settings.outputs.preview.as_ref().map(|path| path.to_string_lossy()),
-            "stats": settings.outputs.stats.to_string_lossy(),
+            "stats": settings.outputs.stats.as_ref().map(|path| path.to_string_lossy()),
         },
         "samples": settings.render.samples.end,
         "seed": settings.render.seed,
@@ -581,6 +588,7 @@ fn job_text(path: &Path, settings: &Settings) -> String {
         let missing = if file.is_file() { "" } else { " (missing)" };
         lines.push(format!("reads {}{missing}", file.display()));
     }
-    lines.push(format!("writes {}", settings.outputs.image.display()));
-    lines.join("\n")
+    let targets = settings.targets(0);
+    lines.extend(targets.iter().map(|target| format!("writes {}", target.path.display())));
+    joined(&lines)
 }

@@ -15,6 +15,7 @@ use pileus_scene::{Loaded, Scene, VolumeSource};
 use crate::cli::InputOptions;
 use crate::failure::Failure;
 use crate::input::Input;
+use crate::outputs;
 use crate::settings::{Overrides, Settings};
 
 /// A scene, ready to render.
@@ -27,26 +28,38 @@ pub(crate) struct Prepared {
 /// Resolves and loads what a command was given, plans it, and logs what was chosen, left out or is
 /// probably not meant.
 pub(crate) fn prepare(input: &InputOptions, overrides: &Overrides) -> Result<Prepared, Failure> {
-    prepare_by(Plan::new, input, overrides)
+    load(resolve(input, overrides)?, Plan::new)
 }
 
-/// As [`prepare`], without tracing a path: it takes as long as loading does.
-pub(crate) fn prepare_without_paths(
+/// Makes the plan of a scene: [`Plan::new`], or [`Plan::without_paths`] for what has to be quick.
+pub(crate) type Planned = fn(&Scene, &RenderSettings) -> Result<Plan, pileus_integrator::Error>;
+
+/// As [`prepare`], for commands whose outputs must be writable and overwrite nothing: what can be
+/// known of that is looked at before anything is loaded.
+pub(crate) fn prepare_to_write(
+    planned: Planned,
     input: &InputOptions,
     overrides: &Overrides,
 ) -> Result<Prepared, Failure> {
-    prepare_by(Plan::without_paths, input, overrides)
+    let settings = resolve(input, overrides)?;
+    outputs::check(&settings.reads(None), &settings.targets(0))?;
+    let prepared = load(settings, planned)?;
+    let Prepared { settings, loaded, .. } = &prepared;
+    let [width, height] = match settings.crop {
+        Some(crop) => [crop.width, crop.height],
+        None => loaded.scene.camera.resolution(),
+    };
+    let pixels = u64::from(width) * u64::from(height);
+    outputs::check(&settings.reads(Some(loaded)), &settings.targets(pixels))?;
+    Ok(prepared)
 }
 
-fn prepare_by(
-    planned: fn(&Scene, &RenderSettings) -> Result<Plan, pileus_integrator::Error>,
-    input: &InputOptions,
-    overrides: &Overrides,
-) -> Result<Prepared, Failure> {
-    let camera = &input.camera;
-    let input = Input::open(&input.input, &input.vdb_options())?;
-    let overrides = Overrides { camera: camera.clone(), ..overrides.clone() };
-    let mut settings = Settings::resolve(input, &overrides)?;
+fn resolve(input: &InputOptions, overrides: &Overrides) -> Result<Settings, Failure> {
+    let overrides = Overrides { camera: input.camera.clone(), ..overrides.clone() };
+    Settings::resolve(Input::open(&input.input, &input.vdb_options())?, &overrides)
+}
+
+fn load(mut settings: Settings, planned: Planned) -> Result<Prepared, Failure> {
     let loaded = settings.load()?;
     for note in &loaded.notes {
         tracing::info!("{note}");

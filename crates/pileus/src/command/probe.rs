@@ -58,10 +58,20 @@ enum Space {
     World,
 }
 
+/// A grid that the command line names and the file does not have.
+fn no_grid(error: pileus_vdb::Error) -> Failure {
+    match error {
+        pileus_vdb::Error::Missing { .. } => {
+            Failure::usage(error.to_string(), "name a grid of the file with --grid NAME")
+        }
+        other => other.into(),
+    }
+}
+
 fn values(options: &ValuesOptions) -> Result<Value, Failure> {
     let (_, Points { space, points }) = read(&options.points)?;
     let file = VdbFile::open(&options.file)?;
-    let index = file.find(&options.grid)?;
+    let index = file.find(&options.grid).map_err(no_grid)?;
     let grid = file.read(index)?;
     let world_to_index = match space {
         Space::Index => DAffine3::IDENTITY,
@@ -204,7 +214,7 @@ fn transmittance(options: &TransmittanceOptions) -> Result<Value, Failure> {
     }
     let (document, Rays { rays }) = read(&options.rays)?;
     let file = VdbFile::open(&options.file)?;
-    let index = file.find(&options.grid)?;
+    let index = file.find(&options.grid).map_err(no_grid)?;
     let grid = file.read(index)?;
     let index_to_world = affine(grid.info.transform.index_to_world()?);
     let interpolation = match options.interpolation {

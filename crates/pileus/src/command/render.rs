@@ -1,19 +1,19 @@
 //! `pileus render`.
 
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::Instant;
 
-use pileus_film::{ExrSettings, Film, ToneMap, write_atomically, write_exr, write_png};
-use pileus_integrator::{Monitor, PathCost};
+use pileus_film::{ExrSettings, Film, Image, ToneMap, write_atomically, write_exr, write_png};
+use pileus_integrator::{Monitor, PathCost, Plan};
+use serde::Serialize;
 
 use crate::cli::RenderOptions;
-use crate::command::{Prepared, prepare};
+use crate::command::{Prepared, prepare_to_write};
 use crate::failure::Failure;
 use crate::machine::Signals;
 use crate::record::{PlanAndCost, Seconds, Stats, VERSION, metadata};
 use crate::report::{Progress, Report};
-use crate::settings::Outputs;
 
 struct Watch<'a> {
     signals: &'a Signals,
@@ -33,9 +33,13 @@ impl Monitor for Watch<'_> {
 pub(crate) fn run(options: &RenderOptions, report: &Report) -> Result<(), Failure> {
     let start = Instant::now();
     let signals = Signals::handled();
-    let Prepared { settings, loaded, mut plan } = prepare(&options.input, &options.overrides())?;
+    let Prepared { settings, loaded, mut plan } =
+        prepare_to_write(Plan::new, &options.input, &options.overrides())?;
     let scene = &loaded.scene;
-    check_outputs(&settings.outputs)?;
+    if let Some(path) = &options.save_job {
+        write_json(path, &settings.saved_job())?;
+        tracing::info!("{}: the job, to go on from", path.display());
+    }
     tracing::debug!("plan:\n{plan}");
     let mut film = Film::new(scene.camera.resolution(), settings.crop)?;
     let mut seconds =
@@ -123,19 +127,23 @@ pub(crate) fn run(options: &RenderOptions, report: &Report) -> Result<(), Failur
         crop: [crop.x0, crop.y0, crop.width, crop.height],
         image: &outputs.image.to_string_lossy(),
     };
-    write_stats(&outputs.stats, &stats)?;
+    if let Some(path) = &outputs.stats {
+        write_json(path, &stats)?;
+    }
     tracing::info!(
-        "{}: {} samples per pixel in {:.1} s, {:.2} M paths/s",
+        "{}: {} samples per pixel in {:.1} s{}",
         outputs.image.display(),
         film.samples(),
         seconds.render,
-        counters.paths as f64 / seconds.render.max(1e-9) * 1e-6,
+        relative_noise(&image)
+            .map_or(String::new(), |noise| format!(", noise {:.2} % of the mean", 100.0 * noise)),
     );
+    tracing::debug!("{:.2} M paths/s", counters.paths as f64 / seconds.render.max(1e-9) * 1e-6);
     if let (Some(measured), false) = (measured, plan.volumes.is_empty()) {
-        tracing::info!("measured: {measured}");
+        tracing::debug!("measured: {measured}");
     }
     if let Some(predicted) = plan.predicted {
-        tracing::info!("expected: {predicted}");
+        tracing::debug!("expected: {predicted}");
     }
     // Also when the last pass was done: who stops one render means those that would follow.
     if was_interrupted || signals.came() {
@@ -149,29 +157,26 @@ pub(crate) fn run(options: &RenderOptions, report: &Report) -> Result<(), Failur
     Ok(())
 }
 
-/// Folders of the outputs must exist before hours are spent on what cannot be written.
-fn check_outputs(outputs: &Outputs) -> Result<(), Failure> {
-    let paths: [Option<&PathBuf>; 3] =
-        [Some(&outputs.image), outputs.preview.as_ref(), Some(&outputs.stats)];
-    for path in paths.into_iter().flatten() {
-        let folder = path.parent().filter(|f| !f.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        if !folder.is_dir() {
-            return Err(Failure::Io {
-                path: path.clone(),
-                what: format!(
-                    "cannot be written: there is no folder {}; create it first",
-                    folder.display()
-                ),
-                source: std::io::ErrorKind::NotFound.into(),
-            });
+/// Standard error over the mean of the picture's luminance, the root of the mean variance of its
+/// pixels over their mean; `None` where it is black or the variance is not known.
+fn relative_noise(image: &Image) -> Option<f64> {
+    let mean = |channels: [&str; 3]| -> Option<f64> {
+        let mut sum = 0.0;
+        for channel in channels {
+            let plane = image.channel(channel)?;
+            sum += plane.iter().map(|&v| f64::from(v)).sum::<f64>() / plane.len().max(1) as f64;
         }
-    }
-    Ok(())
+        Some(sum / 3.0)
+    };
+    let (brightness, variance) =
+        (mean(["R", "G", "B"])?, mean(["variance.R", "variance.G", "variance.B"])?);
+    let noise = variance.sqrt() / brightness;
+    (brightness > 0.0 && noise.is_finite()).then_some(noise)
 }
 
-fn write_stats(path: &Path, stats: &Stats<'_>) -> Result<(), Failure> {
+fn write_json(path: &Path, value: &impl Serialize) -> Result<(), Failure> {
     write_atomically(path, |out| {
-        serde_json::to_writer_pretty(&mut *out, stats)?;
+        serde_json::to_writer_pretty(&mut *out, value)?;
         writeln!(out)
     })?;
     Ok(())

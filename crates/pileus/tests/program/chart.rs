@@ -109,9 +109,9 @@ fn wrong_questions_get_an_answer() {
         (vec!["transmittance", &format!("{profiles}#nothing")], 2, "ramp_up_4"),
         (vec!["transmittance", "cases.json"], 3, "cases.json"),
         (vec!["transmittance", &sphere, "--density-scale", "0"], 2, "density-scale"),
-        (vec!["render", &sphere, "--methods", "delta+rato"], 3, "delta+rato"),
-        (vec!["render", &sphere, "--peers", "peers.csv"], 2, "relmse"),
-        (vec!["render", &sphere, "--peers", "number.csv"], 2, "number.csv:2"),
+        (vec!["render", &sphere, "--methods", "delta+rato"], 2, "delta+rato"),
+        (vec!["render", &sphere, "--peers", "peers.csv"], 3, "relmse"),
+        (vec!["render", &sphere, "--peers", "number.csv"], 3, "number.csv:2"),
         (vec!["render"], 2, "JOB"),
     ] {
         let output = run(folder.path(), &[&["chart"], &arguments[..]].concat());

@@ -1,5 +1,6 @@
 //! The built program with good and bad inputs.
 
+mod agreement;
 mod chart;
 mod clamped;
 mod endless;
@@ -8,9 +9,12 @@ mod image_files;
 mod images;
 mod info;
 mod interrupt;
+mod jobs;
 mod others;
+mod outputs;
 mod probe;
 mod reference;
+mod terminal;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
