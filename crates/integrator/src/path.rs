@@ -26,7 +26,7 @@ use pileus_media::distance::Equiangular;
 use pileus_media::phase::ISOTROPIC;
 use pileus_media::random::uniform;
 use pileus_media::{PhaseAt, Spectrum, Tally};
-use pileus_scene::{Bsdf, Environment, Interaction};
+use pileus_scene::{Bsdf, Environment, Hit, Interaction};
 use smallvec::SmallVec;
 
 /// Throughput below which a path is played roulette.
@@ -96,7 +96,7 @@ type Branches<'k, M, W> = SmallVec<[Branch<<W as World>::Vertex<'k>, <M as Media
 /// How a flight ended.
 enum Event<'a> {
     Collision { t: f64, phase: PhaseAt<'a>, albedo: Vec3 },
-    Surface(pileus_scene::Hit),
+    Surface(Hit),
     Escape,
 }
 
@@ -156,8 +156,14 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         // What directions drawn by fires have put on the throughput.
         let mut drawn = 1.0f32;
         let mut start: Start = None;
+        // Of faces that coincide, the one after the one that the path has left.
+        let mut layer: Option<Hit> = None;
         loop {
-            let hit = self.world.intersect(&ray, sampler);
+            let hit = layer.take().or_else(|| self.world.intersect(&ray, sampler));
+            if W::WHOLE && hit.is_none() {
+                // Bodies end at their surface: a ray that meets none is in none, whatever holes it came through.
+                inside.clear();
+            }
             let t_surface = hit.as_ref().map_or(f64::INFINITY, |hit| hit.t);
             // Equal angles ignore what fills a body: inside one, flights do alone.
             let part = if EQUIANGULAR && inside.is_empty() {
@@ -387,6 +393,9 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
                 drawn *= weight;
             }
             let origin = vertex.origin(p, wi);
+            if W::WHOLE && let Some(surface) = vertex.surface() {
+                layer = self.world.next_layer(surface, wi, sampler);
+            }
             if MIS {
                 last = Some(Last { p, vertex, pdf });
             }
@@ -546,6 +555,11 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         }
         counters.shadow_rays += 1;
         let ray = Ray { origin: at.vertex.origin(at.p, light.wi), direction: light.wi };
+        if let Some(surface) = at.vertex.surface()
+            && self.world.next_layer(surface, light.wi, sampler).is_some()
+        {
+            return Vec3::ZERO;
+        }
         if self.world.occluded(&ray, light.distance, light.end, sampler) {
             return Vec3::ZERO;
         }
@@ -579,7 +593,9 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
             let t = (at.p - at.flight.ray.origin).length();
             weight *= 1.0 - self.equiangular_weight(at.flight.ray, part, position, t) as f32;
         }
+        // As for paths: a ray that goes on for ever without a surface is in no body.
         if W::WHOLE
+            && light.distance < f64::INFINITY
             && let Some(body) = at.vertex.body(at.inside, light.wi)
         {
             arrives *= interior::transmittance(body, light.distance);

@@ -94,6 +94,8 @@ pub struct Loaded {
     pub scene: Scene,
     /// What was chosen without being asked for, as sentences for people.
     pub notes: Vec<String>,
+    /// What is wrong in the files and was mended or got round, as sentences for people.
+    pub warnings: Vec<String>,
     /// Seconds spent in reading files.
     pub seconds_load: f64,
     /// Seconds spent in building render grids.
@@ -114,7 +116,7 @@ impl Scene {
         };
         let mut loader = VolumeLoader::default();
         loader.seconds_load = start.elapsed().as_secs_f64();
-        let GltfSurfaces { surfaces, mut notes } = surfaces;
+        let GltfSurfaces { surfaces, mut notes, warnings } = surfaces;
         let volumes = load_volumes(&mut loader, &request, file.as_ref(), &mut notes)?;
         let (camera, note) = choose_camera(&request, file.as_ref(), &volumes, surfaces.as_ref())?;
         notes.extend(note);
@@ -152,6 +154,7 @@ impl Scene {
                 not_modelled,
             },
             notes,
+            warnings,
             seconds_load: loader.seconds_load,
             seconds_build: loader.seconds_build,
         })

@@ -32,6 +32,9 @@ pub(crate) fn prepare(input: &InputOptions, overrides: &Overrides) -> Result<Pre
     for note in &loaded.notes {
         tracing::info!("{note}");
     }
+    for warning in &loaded.warnings {
+        tracing::warn!("{warning}");
+    }
     for item in &loaded.scene.not_modelled {
         tracing::warn!("not modelled: {item}");
     }
