@@ -1,6 +1,7 @@
 //! Homogeneous media inside closed surfaces: what `KHR_materials_volume` and `KHR_materials_volume_scatter` describe.
 //!
-//! A path remembers the bodies it is in; the one entered last counts, and each is forgotten when its own surface is left, so that bodies may be nested or overlap. Distances are drawn for one channel, chosen by throughput, and weighted by the balance
+//! A path remembers the bodies it is in; the one entered last counts, and each is forgotten when its own surface is left, so that bodies may be nested or overlap. Its own are the surfaces of its mesh
+//! with its material; where a body is left through a surface that nothing was entered by, the last of its mesh. Distances are drawn for one channel, chosen by throughput, and weighted by the balance
 //! heuristic over channels [Miller et al. 2019, section 5.3]: no channel's weight exceeds the number of channels.
 
 use glam::{DVec3, Vec3};
@@ -11,9 +12,34 @@ use rand_core::Rng;
 use rand_pcg::Pcg32;
 use smallvec::SmallVec;
 
-/// The bodies that a path is in: instances and what fills them, the one entered last at the end.
+/// The bodies that a path is in and what fills them, the one entered last at the end.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Inside(SmallVec<[(u32, Interior); 2]>);
+pub(crate) struct Inside(SmallVec<[(Wall, Interior); 2]>);
+
+/// What tells bodies apart: the instance and the material of their surface.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+struct Wall {
+    instance: u32,
+    material: u32,
+}
+
+impl Wall {
+    fn of(surface: &Interaction) -> Wall {
+        Wall { instance: surface.instance, material: surface.material }
+    }
+
+    /// The place among bodies entered of the one that is left through this wall.
+    fn left(
+        self,
+        bodies: impl DoubleEndedIterator<Item = Wall> + ExactSizeIterator + Clone,
+    ) -> Option<usize> {
+        let mut own = bodies.clone();
+        own.rposition(|wall| wall == self).or_else(|| {
+            let mut bodies = bodies;
+            bodies.rposition(|wall| wall.instance == self.instance)
+        })
+    }
+}
 
 /// A body without a medium of its own.
 const CLEAR: Interior = Interior { sigma_a: Vec3::ZERO, sigma_s: Vec3::ZERO, g: 0.0 };
@@ -33,14 +59,14 @@ impl Inside {
         let [a, b, c] =
             [Vec3::new(0.36, 0.48, 0.8), Vec3::new(-0.8, 0.36, -0.48), Vec3::new(0.48, -0.8, 0.36)]
                 .map(|direction| Inside::left_by(surfaces, p, direction));
-        let instances = |inside: &Inside| {
-            let mut instances: SmallVec<[u32; 2]> = inside.0.iter().map(|body| body.0).collect();
-            instances.sort_unstable();
-            instances
+        let walls = |inside: &Inside| {
+            let mut walls: SmallVec<[Wall; 2]> = inside.0.iter().map(|body| body.0).collect();
+            walls.sort_unstable();
+            walls
         };
-        if instances(&a) == instances(&b) || instances(&a) == instances(&c) {
+        if walls(&a) == walls(&b) || walls(&a) == walls(&c) {
             a
-        } else if instances(&b) == instances(&c) {
+        } else if walls(&b) == walls(&c) {
             b
         } else {
             Inside::new()
@@ -49,28 +75,39 @@ impl Inside {
 
     fn left_by(surfaces: &Surfaces, p: DVec3, direction: Vec3) -> Inside {
         let mut rng = Pcg32::new(0, 0);
-        let (mut left, mut entered) = (Inside::new(), SmallVec::<[u32; 4]>::new());
-        let mut origin = p;
+        let (mut left, mut entered) = (Inside::new(), SmallVec::<[Wall; 4]>::new());
+        let mut last: Option<Interaction> = None;
         for _ in 0..MOST_CROSSINGS {
-            let Some(hit) = surfaces.intersect(origin, direction, f64::INFINITY, &mut rng) else {
-                break;
+            let hit = match &last {
+                Some(from) => surfaces.intersect_from(from, direction, f64::INFINITY, &mut rng),
+                None => surfaces.intersect(p, direction, f64::INFINITY, &mut rng),
             };
+            let Some(hit) = hit else { break };
             let interaction = surfaces.interaction(&hit, direction);
-            origin = interaction.spawn(direction);
-            if interaction.parameters.thin_walled || interaction.parameters.transmission == 0.0 {
+            last = Some(interaction);
+            let parameters = &interaction.parameters;
+            let opaque = parameters.transmission == 0.0 && parameters.diffuse_transmission == 0.0;
+            if parameters.thin_walled || opaque {
                 continue;
             }
+            let wall = Wall::of(&interaction);
             if interaction.front_face {
-                entered.push(hit.instance);
-            } else if let Some(i) = entered.iter().rposition(|entered| *entered == hit.instance) {
+                entered.push(wall);
+            } else if let Some(i) = wall.left(entered.iter().copied()) {
                 entered.remove(i);
             } else {
-                left.0.push((hit.instance, interaction.interior.unwrap_or(CLEAR)));
+                left.0.push((wall, interaction.interior.unwrap_or(CLEAR)));
             }
         }
         // The body that is left first was entered last.
         left.0.reverse();
         left
+    }
+
+    /// Forgets all bodies.
+    #[inline]
+    pub(crate) fn clear(&mut self) {
+        self.0.clear();
     }
 
     pub(crate) fn is_empty(&self) -> bool {
@@ -85,8 +122,8 @@ impl Inside {
     /// Crosses the surface of a body to its other side.
     pub(crate) fn cross(&mut self, surface: &Interaction) {
         if surface.front_face {
-            self.0.push((surface.instance, surface.interior.unwrap_or(CLEAR)));
-        } else if let Some(i) = self.position(surface.instance) {
+            self.0.push((Wall::of(surface), surface.interior.unwrap_or(CLEAR)));
+        } else if let Some(i) = self.position(surface) {
             self.0.remove(i);
         }
     }
@@ -96,13 +133,13 @@ impl Inside {
         if surface.front_face {
             return surface.interior.as_ref();
         }
-        let left = self.position(surface.instance);
+        let left = self.position(surface);
         let stays = |&(i, _): &(usize, _)| Some(i) != left;
         self.0.iter().enumerate().rev().find(stays).map(|(_, body)| &body.1)
     }
 
-    fn position(&self, instance: u32) -> Option<usize> {
-        self.0.iter().rposition(|body| body.0 == instance)
+    fn position(&self, surface: &Interaction) -> Option<usize> {
+        Wall::of(surface).left(self.0.iter().map(|body| body.0))
     }
 }
 

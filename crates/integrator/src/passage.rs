@@ -25,26 +25,32 @@ pub(crate) struct Passage {
 }
 
 impl Passage {
-    /// Follows a ray that starts in `inside` up to `distance`; `None` if something stops it. What is there of surfaces that blend is drawn, so the mean
-    /// is exact.
+    /// Follows a ray that starts in `inside`, and on the surface `from` if that is one, up to `distance`; `None` if something stops it. What is there of
+    /// surfaces that blend is drawn, so the mean is exact.
     pub(crate) fn along<R: Rng>(
         surfaces: &Surfaces,
-        ray: &Ray,
+        (ray, from): (&Ray, Option<&Interaction>),
         distance: f64,
         mut inside: Inside,
         rng: &mut R,
     ) -> Option<Passage> {
         let mut passage = Passage { attenuation: Vec3::ONE, crossed: SmallVec::new() };
-        let (mut origin, mut passed) = (ray.origin, 0.0);
+        let (mut from, mut passed) = (from.copied(), 0.0);
         for _ in 0..MOST_PANES {
             let left = distance - passed;
-            let hit = surfaces.intersect(origin, ray.direction, left, rng);
+            let hit = match &from {
+                Some(from) => surfaces.intersect_from(from, ray.direction, left, rng),
+                None => surfaces.intersect(ray.origin, ray.direction, left, rng),
+            };
             if let Some(hit) = &hit
                 && !surfaces.may_pass_straight(hit)
             {
                 return None;
             }
-            if let Some(body) = inside.last() {
+            // As for paths: a ray that goes on for ever without a surface is in no body.
+            if let Some(body) = inside.last()
+                && (hit.is_some() || left < f64::INFINITY)
+            {
                 let length = hit.as_ref().map_or(left, |hit| hit.t);
                 passage.attenuation *= interior::transmittance(body, length);
             }
@@ -59,7 +65,7 @@ impl Passage {
             }
             passed += hit.t;
             passage.crossed.push(passed);
-            origin = interaction.spawn(ray.direction);
+            from = Some(interaction);
         }
         None
     }

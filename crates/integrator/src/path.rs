@@ -28,7 +28,7 @@ use pileus_media::distance::Equiangular;
 use pileus_media::phase::ISOTROPIC;
 use pileus_media::random::{exponential_of_stratified, happens, uniform};
 use pileus_media::{PhaseAt, Spectrum, Tally};
-use pileus_scene::{Bsdf, Environment, Interaction};
+use pileus_scene::{Bsdf, Environment, Hit, Interaction};
 use smallvec::SmallVec;
 
 /// Throughput below which a path is played roulette.
@@ -102,7 +102,7 @@ type Branches<'k, M, W> = SmallVec<[Branch<<W as World>::Vertex<'k>, <M as Media
 /// How a flight ended.
 enum Event<'a> {
     Collision { t: f64, phase: PhaseAt<'a>, albedo: Vec3 },
-    Surface(pileus_scene::Hit),
+    Surface(Hit),
     Escape,
 }
 
@@ -165,8 +165,14 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         let mut camera = true;
         let mut crossed = 0;
         let mut next_look = self.limits.first_look();
+        // Of faces that coincide, the one after the one that the path has left.
+        let mut layer: Option<Hit> = None;
         loop {
-            let hit = self.world.intersect(&ray, camera, sampler);
+            let hit = layer.take().or_else(|| self.world.intersect(&ray, camera, sampler));
+            if W::WHOLE && hit.is_none() {
+                // Bodies end at their surface: a ray that meets none is in none, whatever holes it came through.
+                inside.clear();
+            }
             let t_surface = hit.as_ref().map_or(f64::INFINITY, |hit| hit.t);
             // Equal angles ignore what fills a body: inside one, flights do alone.
             let part = if EQUIANGULAR && inside.is_empty() {
@@ -294,6 +300,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
                         crossed += 1;
                         pass_through(&mut inside, interaction);
                         let origin = interaction.spawn(ray.direction);
+                        layer = self.world.next_layer(interaction, ray.direction, sampler);
                         last = Some(Last { p, vertex, pdf: 0.0 });
                         ray = Ray { origin, direction: ray.direction };
                         start = None;
@@ -419,6 +426,11 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
                 drawn *= weight;
             }
             let origin = vertex.origin(p, wi);
+            if W::WHOLE
+                && let Some(surface) = vertex.surface()
+            {
+                layer = self.world.next_layer(surface, wi, sampler);
+            }
             if MIS {
                 last = Some(Last { p, vertex, pdf });
             }
@@ -584,12 +596,19 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
             && let Some(surfaces) = self.world.panes()
         {
             let inside = at.vertex.inside(at.inside, light.wi);
-            passage = Passage::along(surfaces, &ray, light.distance, inside, sampler);
+            let from = at.vertex.surface();
+            passage = Passage::along(surfaces, (&ray, from), light.distance, inside, sampler);
             if passage.is_none() {
                 return Vec3::ZERO;
             }
-        } else if self.world.occluded(&ray, light.distance, light.end, sampler) {
-            return Vec3::ZERO;
+        } else {
+            let layered = at
+                .vertex
+                .surface()
+                .is_some_and(|surface| self.world.next_layer(surface, light.wi, sampler).is_some());
+            if layered || self.world.occluded(&ray, light.distance, light.end, sampler) {
+                return Vec3::ZERO;
+            }
         }
         let threshold = (SHADOW_ROULETTE / (importance / survive)).min(0.5);
         let leg = Leg { ray: &ray, start: at.start, t_max: light.distance };
@@ -631,7 +650,10 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         if W::WHOLE {
             if let Some(passage) = &passage {
                 arrives *= passage.attenuation;
-            } else if let Some(body) = at.vertex.body(at.inside, light.wi) {
+            } else if light.distance < f64::INFINITY
+                && let Some(body) = at.vertex.body(at.inside, light.wi)
+            {
+                // As for paths: a ray that goes on for ever without a surface is in no body.
                 arrives *= interior::transmittance(body, light.distance);
             }
         }

@@ -17,6 +17,11 @@ pub(crate) trait Vertex {
     /// Where a ray towards `wi` starts from a vertex at `p`.
     fn origin(&self, p: DVec3, wi: Vec3) -> DVec3;
 
+    /// The surface that it is on.
+    fn surface(&self) -> Option<&Interaction> {
+        None
+    }
+
     /// The body that a ray towards `wi` starts in, of a path that came in `inside`: across a surface it is another.
     fn body<'a>(&'a self, inside: &'a Inside, wi: Vec3) -> Option<&'a Interior>;
 
@@ -80,6 +85,14 @@ impl Vertex for Anywhere<'_> {
         match self {
             Anywhere::Medium(_) => p,
             Anywhere::Surface { interaction, .. } => interaction.spawn(wi),
+        }
+    }
+
+    #[inline]
+    fn surface(&self) -> Option<&Interaction> {
+        match self {
+            Anywhere::Medium(_) => None,
+            Anywhere::Surface { interaction, .. } => Some(interaction),
         }
     }
 
@@ -151,15 +164,30 @@ pub(crate) trait World: Sync {
         if Self::WHOLE { self.surfaces().filter(|surfaces| surfaces.has_panes()) } else { None }
     }
 
-    /// Whether a surface hides what lies at `distance`, or at `end` if that is a point of a surface itself.
+    /// The surface that a ray meets next in the very place that it leaves: of faces that coincide the one behind.
     #[inline(always)]
-    fn occluded<R: Rng>(&self, ray: &Ray, distance: f64, end: Option<DVec3>, rng: &mut R) -> bool {
+    fn next_layer<R: Rng>(&self, from: &Interaction, wi: Vec3, rng: &mut R) -> Option<Hit> {
+        if !Self::WHOLE {
+            return None;
+        }
+        self.surfaces()?.next_layer(from, wi, rng)
+    }
+
+    /// Whether a surface hides what lies at `distance`, or at `end` if that is a point of an emissive triangle.
+    #[inline(always)]
+    fn occluded<R: Rng>(
+        &self,
+        ray: &Ray,
+        distance: f64,
+        end: Option<(DVec3, u32)>,
+        rng: &mut R,
+    ) -> bool {
         if !Self::WHOLE {
             return false;
         }
         let Some(surfaces) = self.surfaces() else { return false };
         match end {
-            Some(end) => surfaces.occluded_between(ray.origin, end, rng),
+            Some((end, emitter)) => surfaces.hides_lamp(ray.origin, end, emitter, rng),
             None => surfaces.occluded(ray.origin, ray.direction, distance, rng),
         }
     }

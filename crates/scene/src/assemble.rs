@@ -120,8 +120,7 @@ impl Scene {
         };
         let mut loader = VolumeLoader::default();
         loader.seconds_load = start.elapsed().as_secs_f64();
-        let GltfSurfaces { surfaces, mut notes, .. } = surfaces;
-        let mut warnings = Vec::new();
+        let GltfSurfaces { surfaces, mut notes, mut warnings, .. } = surfaces;
         if let Some(file) = &file {
             notes.extend(file.notes.iter().cloned());
             warnings.extend(file.warnings.iter().cloned());

@@ -1,6 +1,6 @@
 //! Meshes of a glTF file and where its nodes place them.
 
-use std::collections::{BTreeSet, HashMap};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 
 use glam::{DAffine3, DVec3, Vec3};
 use gltf::json;
@@ -16,7 +16,8 @@ use crate::gltf_material;
 use crate::gltf_pose::{Pose, PoseKey, Poses, pose_key};
 use crate::gltf_texture::Textures;
 use crate::json::Document;
-use crate::surface::{GlassRule, Material, Mesh, Part, Refusal, Surfaces, Tag, is_closed};
+use crate::surface::bodies::{Closure, Shells};
+use crate::surface::{GlassRule, Material, Mesh, Part, Refusal, Surfaces, Tag};
 
 /// A node with a mesh.
 #[derive(Debug, Clone, PartialEq)]
@@ -44,6 +45,8 @@ pub struct GltfSurfaces {
     pub notes: Vec<String>,
     /// What its materials say and the picture leaves out.
     pub not_modelled: Vec<String>,
+    /// What is wrong in the file and was mended or got round, as sentences for people.
+    pub warnings: Vec<String>,
 }
 
 /// Triangles that a file may have however small it is: primitives may share their vertices.
@@ -77,6 +80,8 @@ pub(crate) fn load(
         triangles: 0,
         without_area: 0,
         made_solid: Vec::new(),
+        node: String::new(),
+        doubts: Vec::new(),
     };
     let mut numbers: HashMap<PoseKey, Option<usize>> = HashMap::new();
     let mut meshes = Vec::new();
@@ -88,6 +93,7 @@ pub(crate) fn load(
         let number = match numbers.get(&key) {
             Some(number) => *number,
             None => {
+                loader.node.clone_from(&node.name);
                 let number = loader.mesh(node.mesh, &pose)?.map(|mesh| {
                     meshes.push(mesh);
                     meshes.len() - 1
@@ -102,7 +108,7 @@ pub(crate) fn load(
             nodes.push(node.node);
         }
     }
-    let mut notes = loader.notes();
+    let (mut notes, warnings) = (loader.notes(), loader.warnings());
     let built = Surfaces::new(materials, meshes, instances).map_err(|refusal| match refusal {
         Refusal::TooFar(instance) => {
             let node = nodes.get(instance).copied().unwrap_or_default();
@@ -122,7 +128,7 @@ pub(crate) fn load(
     if flat > 0 {
         notes.push(format!("{flat} meshes are scaled to nothing by their nodes and not shown"));
     }
-    Ok(GltfSurfaces { surfaces, notes, not_modelled })
+    Ok(GltfSurfaces { surfaces, notes, not_modelled, warnings })
 }
 
 /// Numbers of the materials of all surfaces that are placed: others stop no picture.
@@ -147,7 +153,44 @@ struct Loader<'a> {
     without_area: u64,
     /// Materials that bound bodies by [`GlassRule::ClosedMeshesAreSolid`], with their mesh.
     made_solid: Vec<(String, String)>,
+    /// Name of the first node of the mesh that is being read.
+    node: String,
+    /// Surfaces that do not bound bodies as they should.
+    doubts: Vec<Doubt>,
 }
+
+/// A surface that does not bound a body as it should.
+struct Doubt {
+    mesh: String,
+    node: String,
+    material: String,
+    what: Wrong,
+    /// Of so many triangles.
+    triangles: u32,
+}
+
+/// What is wrong with it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Wrong {
+    Open,
+    Flat,
+    Holed,
+    InsideOut,
+    /// Some of its triangles face the other way than the rest: this many of one shell.
+    Mixed(u32),
+}
+
+/// Why a surface may bound a body.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Claim {
+    /// Its material has `KHR_materials_volume`.
+    Volume,
+    /// It transmits, by [`GlassRule::ClosedMeshesAreSolid`].
+    Glass,
+}
+
+/// Most surfaces that are named one by one in warnings.
+const MOST_NAMED: usize = 16;
 
 impl Loader<'_> {
     /// A mesh of all primitives of triangles; `None` if there is no triangle.
@@ -170,7 +213,7 @@ impl Loader<'_> {
                 parts.push(part);
             }
         }
-        let closed = self.make_solid(&name, &mut parts, &triangles);
+        let closed = self.make_solid((&name, index), &mut parts, &mut triangles);
         let all = triangles.len();
         triangles.retain(|([a, b, c], _)| {
             let [a, b, c] = [a, b, c].map(|p| p.as_dvec3());
@@ -184,33 +227,109 @@ impl Loader<'_> {
         Ok(mesh)
     }
 
-    /// Decides which parts bound bodies; says whether the mesh is closed if it had to be known.
+    /// Decides which surfaces bound bodies, per connected part of the mesh, and turns those round
+    /// that are inside out; says whether the mesh is closed if it had to be known. Parts of which
+    /// some triangles bound bodies and others do not become several.
     fn make_solid(
         &mut self,
-        name: &str,
-        parts: &mut [Part],
-        triangles: &[([Vec3; 3], Tag)],
+        (name, index): (&str, usize),
+        parts: &mut Vec<Part>,
+        triangles: &mut [([Vec3; 3], Tag)],
     ) -> Option<bool> {
-        let mut closed = None;
-        for part in parts {
-            let Some(material) = self.materials.get(part.material as usize) else { continue };
-            part.solid = match material.volume {
-                Some(thick) => thick,
+        let claims: Vec<Option<Claim>> = parts
+            .iter_mut()
+            .map(|part| {
+                let material = self.materials.get(part.material as usize)?;
+                part.solid = material.volume == Some(true);
+                let glass =
+                    material.transmission > 0.0 && self.rule == GlassRule::ClosedMeshesAreSolid;
+                match material.volume {
+                    Some(true) => material.transmits().then_some(Claim::Volume),
+                    Some(false) => None,
+                    None => glass.then_some(Claim::Glass),
+                }
+            })
+            .collect();
+        if claims.iter().all(Option::is_none) {
+            return None;
+        }
+        let corners: Vec<[Vec3; 3]> = triangles.iter().map(|(corners, _)| *corners).collect();
+        let shells = Shells::new(&corners);
+        // What became of each part so far: first itself, then copies.
+        let mut variants: HashMap<(u32, bool, bool), u32> = HashMap::new();
+        let originals = parts.clone();
+        let mut taken = vec![false; parts.len()];
+        let mut doubts: BTreeMap<(u32, u32), (Wrong, u32)> = BTreeMap::new();
+        let mut solid_materials: Vec<u32> = Vec::new();
+        for (i, (corners, tag)) in triangles.iter_mut().enumerate() {
+            let part = tag.part;
+            let Some(claim) = claims.get(part as usize).copied().flatten() else { continue };
+            // Triangles of fewer than three places are left out later.
+            let (Some(shell), Some(own)) = (shells.shell(i), originals.get(part as usize)) else {
+                continue;
+            };
+            let material = own.material;
+            let solid = match shell.closure {
+                Closure::Closed => true,
+                Closure::Holed => claim == Claim::Volume,
+                Closure::Flat | Closure::Open => false,
+            };
+            let turned = solid && shells.is_turned(i);
+            let wrong = match shell.closure {
+                Closure::Open => (claim == Claim::Volume).then_some(Wrong::Open),
+                Closure::Flat => (claim == Claim::Volume).then_some(Wrong::Flat),
+                Closure::Holed => solid.then_some(Wrong::Holed),
+                Closure::Closed if shell.turned == 0 => None,
+                Closure::Closed if shell.turned == shell.triangles => Some(Wrong::InsideOut),
+                Closure::Closed => Some(Wrong::Mixed(shell.turned)),
+            };
+            if let Some(wrong) = wrong {
+                let key = (material, shells.number(i));
+                doubts.entry(key).or_insert((wrong, shell.triangles));
+            }
+            if solid && claim == Claim::Glass && !solid_materials.contains(&material) {
+                solid_materials.push(material);
+            }
+            tag.part = match variants.get(&(part, solid, turned)) {
+                Some(number) => *number,
                 None => {
-                    let asks =
-                        material.transmission > 0.0 && self.rule == GlassRule::ClosedMeshesAreSolid;
-                    asks && *closed.get_or_insert_with(|| {
-                        is_closed(
-                            &triangles.iter().map(|(corners, _)| *corners).collect::<Vec<_>>(),
-                        )
-                    })
+                    let made = if turned { own.turned() } else { own.clone() };
+                    let made = Part { solid, ..made };
+                    let first = !std::mem::replace(&mut taken[part as usize], true);
+                    let number = if first { part } else { parts.len() as u32 };
+                    match parts.get_mut(number as usize) {
+                        Some(slot) => *slot = made,
+                        None => parts.push(made),
+                    }
+                    variants.insert((part, solid, turned), number);
+                    number
                 }
             };
-            if part.solid && material.volume.is_none() {
-                self.made_solid.push((material.name.clone(), name.to_owned()));
+            if turned {
+                corners.swap(1, 2);
+                tag.vertices.swap(1, 2);
             }
         }
-        closed
+        let named = |material: u32| {
+            self.materials.get(material as usize).map_or(String::new(), |m| m.name.clone())
+        };
+        self.made_solid.extend(solid_materials.into_iter().map(|m| (named(m), name.to_owned())));
+        let mesh = if name.is_empty() { format!("{index}") } else { format!("`{name}`") };
+        // One warning for all shells of a material with the same fault.
+        let mut by_fault: BTreeMap<(u32, Wrong), u32> = BTreeMap::new();
+        for ((material, _), (wrong, count)) in doubts {
+            let (wrong, more) = match wrong {
+                Wrong::Mixed(turned) => (Wrong::Mixed(0), turned),
+                other => (other, count),
+            };
+            let sum = by_fault.entry((material, wrong)).or_default();
+            *sum = sum.saturating_add(more);
+        }
+        for ((material, what), triangles) in by_fault {
+            let (mesh, node, material) = (mesh.clone(), self.node.clone(), named(material));
+            self.doubts.push(Doubt { mesh, node, material, what, triangles });
+        }
+        Some(shells.are_closed())
     }
 
     /// Reads a primitive and appends its triangles; `None` for points, lines and primitives
@@ -345,6 +464,42 @@ impl Loader<'_> {
         };
         let (outer, inner) = pose.around_instances(&node.to_world);
         Ok(instances.into_iter().map(|instance| outer * instance * inner).collect())
+    }
+
+    fn warnings(&self) -> Vec<String> {
+        let mut warnings: Vec<String> = self
+            .doubts
+            .iter()
+            .take(MOST_NAMED)
+            .map(|Doubt { mesh, node, material, what, triangles }| {
+                let body = format!(
+                    "mesh {mesh} of node `{node}`: {triangles} triangles of material `{material}`"
+                );
+                let thin = "so they are taken for a thin wall with nothing inside";
+                match what {
+                    Wrong::Open => format!(
+                        "{body} do not close, although KHR_materials_volume wants a body: what                          would be inside has no end, {thin}; close the mesh, or set                          thicknessFactor to 0"
+                    ),
+                    Wrong::Flat => format!(
+                        "{body} close without any room inside, although KHR_materials_volume                          wants a body: {thin}; give the mesh a thickness"
+                    ),
+                    Wrong::Holed => format!(
+                        "{body} have small holes: they are taken for a body all the same, and                          light that passes a hole is wrong; close the mesh"
+                    ),
+                    Wrong::InsideOut => format!(
+                        "{body} are inside out (their fronts face inwards): they were turned                          round; flip the normals of the mesh"
+                    ),
+                    Wrong::Mixed(_) => format!(
+                        "{body} face the other way than their neighbours: they were turned                          round; make the normals of the mesh consistent"
+                    ),
+                }
+            })
+            .collect();
+        if self.doubts.len() > MOST_NAMED {
+            let more = self.doubts.len() - MOST_NAMED;
+            warnings.push(format!("{more} more surfaces do not bound bodies as they should"));
+        }
+        warnings
     }
 
     fn notes(&mut self) -> Vec<String> {

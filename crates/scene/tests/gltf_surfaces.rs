@@ -672,10 +672,13 @@ fn texture_transforms_and_sets() {
 #[test]
 fn materials_say_everything_that_is_modelled() {
     let mut file = File::default();
-    let position = file.square();
+    // A pyramid that stands on its tip: the square above is what is looked at.
+    let square = [0., 0., 0., 1., 0., 0., 1., 1., 0., 0., 1., 0.];
+    file.floats(&[&square[..], &[0.5, 0.5, -1.0]].concat(), "VEC3");
+    file.shorts(&[0, 1, 2, 0, 2, 3, 1, 0, 4, 2, 1, 4, 3, 2, 4, 0, 3, 4]);
     let material = |body: &str| {
         let more = format!(r#","materials":[{body}]"#);
-        one(&format!(r#""POSITION":{position}"#), r#","mode":6,"material":0"#, &more)
+        one(r#""POSITION":0"#, r#","indices":1,"material":0"#, &more)
     };
     let all = r#"{"name":"all","doubleSided":true,"emissiveFactor":[1,0.5,0],
         "pbrMetallicRoughness":{"baseColorFactor":[0.1,0.2,0.3,1],"metallicFactor":0.25,"roughnessFactor":0.75},

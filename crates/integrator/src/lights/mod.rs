@@ -132,7 +132,7 @@ impl Lamps {
         Some(LightSample {
             wi,
             distance,
-            end: Some(end),
+            end: Some((end, number)),
             position: None,
             weight: radiance / pdf,
             pdf,
@@ -199,8 +199,8 @@ pub(crate) struct LightSample {
     pub(crate) wi: Vec3,
     /// Distance to the light; infinite for distant ones.
     pub(crate) distance: f64,
-    /// The point itself, if it lies on a surface.
-    pub(crate) end: Option<DVec3>,
+    /// The point itself and its emitter's number, if it lies on a surface.
+    pub(crate) end: Option<(DVec3, u32)>,
     /// Where the light is, if it is point-like.
     pub(crate) position: Option<DVec3>,
     /// Radiance over the density of the direction; irradiance for delta lights.

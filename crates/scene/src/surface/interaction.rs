@@ -18,6 +18,11 @@ pub struct Hit {
     pub barycentrics: [f64; 2],
     /// Whether the front was hit: the side on which the vertices run counter-clockwise.
     pub front_face: bool,
+    /// How far faces that coincide with this one may be from it; 0 if there are none.
+    pub(crate) slack: f32,
+    /// Of a sheet that lies on both sides of an opaque one in the same place: whether its front is
+    /// on the outside.
+    pub(crate) outer_front: bool,
 }
 
 /// Everything about a hit.
@@ -47,8 +52,12 @@ pub struct Interaction {
     pub triangle: u32,
     /// Number of the triangle among [`super::Surfaces::emitters`].
     pub emitter: Option<u32>,
-    /// How far the point may be off its plane.
+    /// How far the point may be off its plane, or off the faces that coincide with it.
     pub(crate) offset: f64,
+    /// As in [`Hit`].
+    pub(crate) slack: f32,
+    /// As in [`Hit`].
+    pub(crate) outer_front: bool,
 }
 
 impl Interaction {
@@ -56,7 +65,9 @@ impl Interaction {
     ///
     /// The distance is a bound of what rounds (the point, and the next ray's way into the space
     /// of the mesh), some 1e-14 of the coordinates: a ray that leaves does not hit the triangle it
-    /// leaves, and light does not leak past surfaces that are further apart than that.
+    /// leaves, and light does not leak past surfaces that are further apart than that. Where other
+    /// faces coincide with this one, ask [`super::Surfaces::next_layer`] first: the origin is past
+    /// all of them.
     pub fn spawn(&self, direction: Vec3) -> DVec3 {
         let normal = self.geometric_normal.as_dvec3();
         let side = direction.as_dvec3().dot(normal);

@@ -5,6 +5,7 @@ use std::sync::{Arc, OnceLock};
 
 use glam::{DVec3, Vec2, Vec3, Vec4};
 
+use super::bodies::{Closure, Shells};
 use super::material::{Alpha, Material, Point};
 use super::texture::Texture;
 use super::tree::Tree;
@@ -20,6 +21,17 @@ pub(crate) struct Part {
     pub(crate) tangents: Option<Arc<[Vec4]>>,
     pub(crate) uv: [Option<Arc<[Vec2]>>; 2],
     pub(crate) colors: Option<Arc<[Vec4]>>,
+}
+
+impl Part {
+    /// The same for triangles that are turned round: normals to the other side, and bitangents
+    /// where they were.
+    pub(crate) fn turned(&self) -> Self {
+        let normals = self.normals.as_deref().map(|all| all.iter().map(|n| -*n).collect());
+        let turn = |t: &Vec4| t.truncate().extend(-t.w);
+        let tangents = self.tangents.as_deref().map(|all| all.iter().map(turn).collect());
+        Self { normals, tangents, ..self.clone() }
+    }
 }
 
 /// Where a triangle comes from: its part and its vertices' numbers there.
@@ -41,7 +53,11 @@ pub(crate) struct Mesh {
     has_holes: bool,
     pub(crate) tree: Tree,
     pub(crate) bounds: (DVec3, DVec3),
+    /// Of each part the size of its bounds.
+    sizes: Vec<DVec3>,
     closed: OnceLock<bool>,
+    /// Of each triangle whether it belongs to a closed shell.
+    bodies: OnceLock<Box<[bool]>>,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -74,6 +90,14 @@ impl Mesh {
             .map(|([a, b, c], _)| (a.min(*b).min(*c).as_dvec3(), a.max(*b).max(*c).as_dvec3()))
             .collect();
         let bounds = boxes.iter().copied().reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))?;
+        let mut of_parts: Vec<Option<(DVec3, DVec3)>> = vec![None; parts.len()];
+        for ((_, tag), &(low, high)) in triangles.iter().zip(&boxes) {
+            if let Some(part) = of_parts.get_mut(tag.part as usize) {
+                *part = Some(part.map_or((low, high), |(l, h)| (l.min(low), h.max(high))));
+            }
+        }
+        let size = |part: Option<(DVec3, DVec3)>| part.map_or(DVec3::ZERO, |(l, h)| h - l);
+        let sizes = of_parts.into_iter().map(size).collect();
         let tree = Tree::new(&boxes);
         let ordered: Vec<([Vec3; 3], Tag)> =
             tree.order().iter().filter_map(|&i| triangles.get(i as usize).copied()).collect();
@@ -91,8 +115,8 @@ impl Mesh {
         let plain = filters.iter().all(|filter| !filter.culls_back && !filter.has_holes);
         let has_holes = filters.iter().any(|filter| filter.has_holes);
         let filters = if plain { Vec::new() } else { filters };
-        let closed = OnceLock::new();
-        Some(Self { parts, corners, tags, filters, has_holes, tree, bounds, closed })
+        let (closed, bodies) = (OnceLock::new(), OnceLock::new());
+        Some(Self { parts, corners, tags, filters, has_holes, tree, bounds, sizes, closed, bodies })
     }
 
     pub(crate) fn len(&self) -> usize {
@@ -107,6 +131,15 @@ impl Mesh {
     #[inline]
     pub(crate) fn corners(&self, triangle: usize) -> &[Vec3; 3] {
         &self.corners[triangle]
+    }
+
+    pub(crate) fn tag(&self, triangle: usize) -> &Tag {
+        &self.tags[triangle]
+    }
+
+    /// Size of the bounds of a part's triangles, in the mesh's space.
+    pub(crate) fn size_of_part(&self, part: u32) -> DVec3 {
+        self.sizes.get(part as usize).copied().unwrap_or(DVec3::ZERO)
     }
 
     pub(crate) fn part(&self, triangle: usize) -> &Part {
@@ -226,10 +259,21 @@ impl Mesh {
         Some((dpdu, dpdv, if area < 0.0 { 1.0 } else { -1.0 }))
     }
 
-    /// Whether every edge belongs to exactly two triangles, vertices at equal places taken for
-    /// one. Counted at the first call.
+    /// Whether no edge is open: each belongs to an even number of triangles (two, or more where
+    /// bodies touch), vertices at equal places taken for one. Counted at the first call.
     pub(crate) fn is_closed(&self) -> bool {
         *self.closed.get_or_init(|| is_closed(&self.corners))
+    }
+
+    /// Whether a triangle belongs to a connected part that is closed. Found out at the first call:
+    /// only where faces coincide anyone asks.
+    pub(crate) fn bounds_body(&self, triangle: usize) -> bool {
+        let bodies = self.bodies.get_or_init(|| {
+            let shells = Shells::new(&self.corners);
+            let closed = |i| shells.shell(i).is_some_and(|shell| shell.closure == Closure::Closed);
+            (0..self.corners.len()).map(closed).collect()
+        });
+        bodies.get(triangle).is_some_and(|closed| *closed)
     }
 
     /// Says beforehand what [`Self::is_closed`] is.
@@ -269,7 +313,7 @@ pub(crate) fn is_closed(triangles: &[[Vec3; 3]]) -> bool {
             *edges.entry((from.min(to), from.max(to))).or_default() += 1;
         }
     }
-    !edges.is_empty() && edges.values().all(|&count| count == 2)
+    !edges.is_empty() && edges.values().all(|&count| count % 2 == 0)
 }
 
 #[cfg(test)]
@@ -279,7 +323,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn closed_means_two_triangles_an_edge() {
+    fn closed_means_no_open_edge() {
         let [a, b, c, d] = [Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::Z];
         let tetrahedron = [[a, c, b], [a, b, d], [b, c, d], [c, a, d]];
         assert!(is_closed(&tetrahedron));
@@ -290,6 +334,13 @@ mod tests {
         other[0][0] = Vec3::splat(-0.0);
         other.push([a, a, b]);
         assert!(is_closed(&other));
+        // Another body that touches it in a face.
+        let twice: Vec<[Vec3; 3]> = other
+            .iter()
+            .copied()
+            .chain([[b, c, d], [b, Vec3::ONE, c], [c, Vec3::ONE, d], [d, Vec3::ONE, b]])
+            .collect();
+        assert!(is_closed(&twice));
         // A fin on an edge.
         other.push([a, b, Vec3::splat(5.0)]);
         assert!(!is_closed(&other));

@@ -5,8 +5,10 @@
 //! find candidates in single precision with padded boxes; what decides is a watertight test in
 //! double precision.
 
+pub(crate) mod bodies;
 mod emitter;
 mod interaction;
+mod layers;
 mod material;
 mod mesh;
 mod pane;
@@ -26,11 +28,12 @@ pub use pane::Obstacle;
 pub use parameters::SurfaceParameters;
 
 pub(crate) use material::{Alpha, Material, Scatter};
-pub(crate) use mesh::{Mesh, Part, Tag, is_closed};
+pub(crate) use mesh::{Mesh, Part, Tag};
 pub(crate) use texture::{Image, Texels, Texture, Wrap, srgb_to_linear};
 
 use emitter::{Peaks, mean_radiance};
 use interaction::{Rounding, consistent_normal};
+use layers::Misfit;
 use mesh::Presence;
 use tree::{DRay, Tree};
 use triangle::ShearedRay;
@@ -40,8 +43,9 @@ use triangle::ShearedRay;
 pub enum GlassRule {
     /// As glTF says: such a surface is infinitely thin and bends nothing.
     ByTheLetter,
-    /// Where its mesh is closed (see [`Surfaces::mesh_is_closed`]) it bounds a body. Exporters
-    /// leave the extension out where an artist made a glass ball (Blender's does).
+    /// Where a connected part of its mesh is closed (no edge is open, vertices at equal places taken
+    /// for one) and holds a volume, that part bounds a body. Exporters leave the extension out
+    /// where an artist made a glass ball (Blender's does).
     #[default]
     ClosedMeshesAreSolid,
 }
@@ -72,6 +76,7 @@ struct Instance {
     normals: DMat3,
     mirrored: bool,
     rounding: Rounding,
+    misfit: Misfit,
     bounds: (DVec3, DVec3),
     /// Number of the first of its emissive triangles.
     first_emitter: u32,
@@ -139,10 +144,12 @@ impl Surfaces {
                 normals: to_local.matrix3.transpose(),
                 mirrored: to_world.matrix3.determinant() < 0.0,
                 rounding: Rounding::new(&to_world, &to_local),
+                misfit: Misfit::default(),
                 bounds,
                 first_emitter: 0,
             });
         }
+        layers::measure(&meshes, &mut instances);
         let boxes: Vec<(DVec3, DVec3)> = instances.iter().map(|i| i.bounds).collect();
         let Some(bounds) = boxes.iter().copied().reduce(|a, b| (a.0.min(b.0), a.1.max(b.1))) else {
             return Ok((None, flat));
@@ -245,9 +252,9 @@ impl Surfaces {
     /// to be absent, each with probability one minus alpha, independently. For these draws a
     /// number is taken from `rng`, at most one a ray; rays that meet no such surface take none.
     /// Backs of single-sided surfaces count as their fronts do: what stops light must not depend
-    /// on the way it goes; see [`Self::seen`] for the rays of a camera. Where a front and such a
-    /// back lie in one place, the front is hit. Origin and direction that are not finite hit
-    /// nothing.
+    /// on the way it goes; see [`Self::seen`] for the rays of a camera. Of faces that coincide the
+    /// one is hit that comes first if there is a gap of no width between them (see
+    /// [`Self::next_layer`]). Origin and direction that are not finite hit nothing.
     pub fn intersect(
         &self,
         origin: DVec3,
@@ -294,7 +301,55 @@ impl Surfaces {
     ) -> Option<Hit> {
         let mut best: Option<Hit> = None;
         let mut seed: Option<u64> = None;
-        self.tree.walk(&ray, t_max, |place, mut end| {
+        // Hits so close to the nearest one that their faces may coincide.
+        let mut near: Vec<Hit> = Vec::new();
+        let per_length = if ANY { 0.0 } else { 1.0 / ray.direction.length() };
+        self.walk(&ray, t_max, |instance, mesh, hit, end| {
+            // The end of the ray is not part of it.
+            if hit.t >= t_max {
+                return end;
+            }
+            let window = instance.misfit.window * per_length;
+            let mut first = true;
+            if !ANY && let Some(nearest) = best {
+                if hit.t - nearest.t > window {
+                    return end;
+                }
+                // Of equally near ones the first counts, in whatever order the trees are walked,
+                // backs of single-sided surfaces last.
+                let key = |hit: &Hit| (self.is_unseen(hit), hit.instance, hit.triangle);
+                first = hit.t < nearest.t || hit.t == nearest.t && key(&hit) < key(&nearest);
+                if !self.is_present::<CAMERA>(mesh, &hit, &mut seed, rng) {
+                    return end;
+                }
+                if nearest.t - hit.t <= window {
+                    near.push(if first { nearest } else { hit });
+                }
+            } else if !self.is_present::<CAMERA>(mesh, &hit, &mut seed, rng) {
+                return end;
+            }
+            if !first {
+                return end;
+            }
+            best = Some(hit);
+            if ANY { -1.0 } else { (hit.t + window).min(end) }
+        });
+        match best {
+            Some(nearest) if !near.is_empty() => Some(self.first_layer(&ray, nearest, &near)),
+            _ => best,
+        }
+    }
+
+    /// Calls `visit` with every hit of a ray with a `t` in (0, `t_max`], near ones roughly first, whether the surface is present there or not. `visit`
+    /// gets the present end of the ray and returns the new one, which may be closer; a negative end stops the walk.
+    #[inline(always)]
+    fn walk(
+        &self,
+        ray: &DRay,
+        t_max: f64,
+        mut visit: impl FnMut(&Instance, &Mesh, Hit, f64) -> f64,
+    ) {
+        self.tree.walk(ray, t_max, |place, mut end| {
             let number = self.tree.order()[place];
             let instance = &self.instances[number as usize];
             let mesh = &self.meshes[instance.mesh];
@@ -313,38 +368,41 @@ impl Surfaces {
                     triangle: triangle as u32,
                     barycentrics: found.barycentrics,
                     front_face: found.front_face,
+                    slack: 0.0,
+                    outer_front: found.front_face,
                 };
-                // Of equally near ones the first counts, in whatever order the trees are walked,
-                // backs of single-sided surfaces last; the end of the ray is not part of it.
-                if found.t == closest {
-                    let key = |hit: &Hit| (self.is_unseen(hit), hit.instance, hit.triangle);
-                    if best.as_ref().is_none_or(|best| key(&hit) >= key(best)) {
-                        return closest;
-                    }
-                }
-                match mesh.presence::<CAMERA>(triangle, found.front_face) {
-                    Presence::Present => {}
-                    Presence::Absent => return closest,
-                    Presence::Partial => {
-                        let coverage = self.coverage(&hit);
-                        if !(coverage > 0.0) {
-                            return closest;
-                        }
-                        if coverage < 1.0 {
-                            let seed = *seed.get_or_insert_with(|| rng.next_u64());
-                            if !(uniform(seed, &hit) < coverage) {
-                                return closest;
-                            }
-                        }
-                    }
-                }
-                best = Some(hit);
-                end = if ANY { -1.0 } else { found.t };
+                end = visit(instance, mesh, hit, closest);
                 end
             });
             end
         });
-        best
+    }
+
+    /// Whether a ray meets the surface where it hits its triangle, or passes a hole, or, if it is
+    /// the `CAMERA`'s own, the back of a single-sided surface.
+    #[inline(always)]
+    fn is_present<const CAMERA: bool>(
+        &self,
+        mesh: &Mesh,
+        hit: &Hit,
+        seed: &mut Option<u64>,
+        rng: &mut impl Rng,
+    ) -> bool {
+        match mesh.presence::<CAMERA>(hit.triangle as usize, hit.front_face) {
+            Presence::Present => true,
+            Presence::Absent => false,
+            Presence::Partial => {
+                let coverage = self.coverage(hit);
+                if !(coverage > 0.0) {
+                    return false;
+                }
+                if coverage < 1.0 {
+                    let seed = *seed.get_or_insert_with(|| rng.next_u64());
+                    return uniform(seed, hit) < coverage;
+                }
+                true
+            }
+        }
     }
 
     /// Whether a hit is on the back of a single-sided surface.
@@ -400,7 +458,12 @@ impl Surfaces {
             instance: hit.instance,
             triangle: hit.triangle,
             emitter: self.emitter_of(hit),
-            offset: instance.offset(mesh, triangle, p.abs(), geometric_normal),
+            // Of faces that coincide all have to be left behind.
+            offset: instance
+                .offset(mesh, triangle, p.abs(), geometric_normal)
+                .max(2.0 * f64::from(hit.slack)),
+            slack: hit.slack,
+            outer_front: hit.outer_front,
         }
     }
 
@@ -446,8 +509,8 @@ impl Surfaces {
         self.instances.iter().map(|instance| instance.bounds)
     }
 
-    /// Whether every edge of an instance's mesh belongs to exactly two triangles, vertices at
-    /// equal places taken for one; `false` for instances that do not exist.
+    /// Whether no edge of an instance's mesh is open: each belongs to an even number of triangles,
+    /// vertices at equal places taken for one; `false` for instances that do not exist.
     pub fn mesh_is_closed(&self, instance: u32) -> bool {
         let instance = self.instances.get(instance as usize);
         instance.is_some_and(|instance| self.meshes[instance.mesh].is_closed())
