@@ -731,7 +731,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
             // Equal angles are for where no body is.
             let outside = Inside::new();
             let Some(passage) =
-                Passage::along(surfaces, &to_light, sample.distance, outside, sampler)
+                Passage::along(surfaces, (&to_light, None), sample.distance, outside, sampler)
             else {
                 return Vec3::ZERO;
             };
