@@ -352,8 +352,7 @@ mod tests {
             assert_eq!(image.texels[0][0], 1.0);
             assert!(image.remarks[0].contains("does not count"), "{:?}", image.remarks);
         }
-        let bytes =
-            file(&"#?R\nEXPOSURE=1e-300\nEXPOSURE=1e-300\n\n-Y 2 +X 3\n".to_owned(), &six());
+        let bytes = file("#?R\nEXPOSURE=1e-300\nEXPOSURE=1e-300\n\n-Y 2 +X 3\n", &six());
         let image = decode(&bytes, 100).unwrap_or_else(|f| panic!("{f:?}"));
         assert!(image.texels[0][0] == 1.0 && image.remarks.len() == 1);
     }

@@ -49,8 +49,7 @@ fn write(
             value(at.x() as i32 + data[0] - display[0], at.y() as i32 + data[1] - display[1]);
         (r, g, b)
     });
-    let mut own = x::LayerAttributes::default();
-    own.layer_position = x::Vec2(data[0], data[1]);
+    let mut own = x::LayerAttributes::default().with_position(x::Vec2(data[0], data[1]));
     let mut shared = x::ImageAttributes::new(x::IntegerBounds::new(
         x::Vec2(display[0], display[1]),
         x::Vec2(display[2] as usize, display[3] as usize),
