@@ -1,4 +1,5 @@
-//! Light without extent through panes and bodies that bend nothing, and single-sided sheets in the way of light.
+//! Light without extent through panes and bodies that bend nothing, and single-sided sheets in the
+//! way of light.
 
 use glam::{DVec3, Vec3};
 use pileus_integrator::{Distance, Plan, RenderSettings};
@@ -72,10 +73,12 @@ fn lights() -> [Light; 3] {
     [sun(Vec3::Y, Vec3::splat(3.0), 0.0), Light::Point(point), Light::Spot(spot)]
 }
 
-/// Single scattering of a sun through a thin pane of index 1 and of index 1.5 is the closed form times what the pane lets through, in every pixel.
+/// Single scattering of a sun through a thin pane of index 1 and of index 1.5 is the closed form
+/// times what the pane lets through, in every pixel.
 ///
-/// Null hypothesis: the means are exact; see [`assert_expected`]. Standard error of a block some 0.3 %: a pane that stops light, or counts as a bounce, is off by
-/// all of it, a missing or doubled Fresnel factor by 4 %.
+/// Null hypothesis: the means are exact; see [`assert_expected`]. Standard error of a block some
+/// 0.3 %: a pane that stops light, or counts as a bounce, is off by all of it, a missing or doubled
+/// Fresnel factor by 4 %.
 #[test]
 fn single_scattering_through_a_pane_is_the_closed_form() {
     for (ior, passes) in [(1.0, 1.0), (1.5, 0.96)] {
@@ -100,8 +103,9 @@ fn single_scattering_through_a_pane_is_the_closed_form() {
     }
 }
 
-/// Sun, point and spot, each alone and all together, through two tinted panes, one of them half there: the picture of dimmer lights without panes. In grey and chromatic smoke,
-/// smoke that is not exponential, and with equiangular points.
+/// Sun, point and spot, each alone and all together, through two tinted panes, one of them half
+/// there: the picture of dimmer lights without panes. In grey and chromatic smoke, smoke that is
+/// not exponential, and with equiangular points.
 ///
 /// Null hypothesis: both pictures have one mean; see [`assert_same`].
 #[test]
@@ -136,7 +140,8 @@ fn panes_dim_and_tint() {
     }
 }
 
-/// A box of panes around smoke, lights and sky outside: the picture without it, whatever `max_bounces` is.
+/// A box of panes around smoke, lights and sky outside: the picture without it, whatever
+/// `max_bounces` is.
 #[test]
 fn panes_are_no_bounces() {
     let mut wall = thin(1.0, [1.0; 3]);
@@ -152,7 +157,8 @@ fn panes_are_no_bounces() {
     }
 }
 
-/// A body that neither bends nor reflects, with this colour after length 0.7 inside. Its roughness does not matter.
+/// A body that neither bends nor reflects, with this colour after length 0.7 inside. Its roughness
+/// does not matter.
 fn straight(color: [f32; 3], roughness: f32) -> Value {
     let mut material = glass(1.0);
     material["pbrMetallicRoughness"]["roughnessFactor"] = json!(roughness);
@@ -180,8 +186,9 @@ fn below(meshes: &[(Triangles, Value)]) -> Scene {
     scene
 }
 
-/// Shadow rays cross bodies of index 1: above the floor, one in the other, and one that the floor reaches into, in which they start. Beer-Lambert in every pixel, for a sun and for a
-/// point inside of the outer body: one light has no noise.
+/// Shadow rays cross bodies of index 1: above the floor, one in the other, and one that the floor
+/// reaches into, in which they start. Beer-Lambert in every pixel, for a sun and for a point inside
+/// of the outer body: one light has no noise.
 #[test]
 fn bodies_of_index_one_absorb_on_the_way_to_the_light() {
     let colors = [[0.2f32, 0.5, 1.0], [0.9, 0.3, 0.6], [0.4, 0.7, 0.8]];
@@ -229,7 +236,8 @@ fn bodies_of_index_one_absorb_on_the_way_to_the_light() {
             for (c, name) in ["R", "G", "B"].into_iter().enumerate() {
                 let expected = 0.6 / PI * irradiance * passed(seen, c) * passed(lit, c);
                 let found = f64::from(image.image.get(name, x, y).unwrap());
-                // The filter is 1e-4 of a pixel wide, and edges of bodies are steps of a length only.
+                // The filter is 1e-4 of a pixel wide, and edges of bodies are steps of a length
+                // only.
                 assert!(
                     (found - expected).abs() < 2e-3 * expected + 1e-6,
                     "{x} {y}: {found} {expected}"
@@ -248,8 +256,8 @@ fn first_body(scene: &Scene) -> Interaction {
     surfaces.interaction(&hit, down)
 }
 
-/// A body of index 1 that scatters inside is the same medium as a volume under a sun of no size and a point, for vertices inside, on the ground below, and
-/// in smoke beside it.
+/// A body of index 1 that scatters inside is the same medium as a volume under a sun of no size and
+/// a point, for vertices inside, on the ground below, and in smoke beside it.
 #[test]
 fn bodies_of_index_one_scatter_as_volumes_do() {
     let mut material = straight([0.15, 0.3, 0.5], 0.0);
@@ -284,7 +292,8 @@ fn bodies_of_index_one_scatter_as_volumes_do() {
     assert_same("a body and a volume", &inside, &around);
 }
 
-/// What light without extent does not pass is said, by name; what it passes too. A sun with a size, or glass that nothing shines at, is not spoken of.
+/// What light without extent does not pass is said, by name; what it passes too. A sun with a size,
+/// or glass that nothing shines at, is not spoken of.
 #[test]
 fn what_light_does_not_pass_is_said() {
     let named = |mut material: Value, name: &str| {
@@ -326,9 +335,11 @@ fn what_light_does_not_pass_is_said() {
     assert!(dark.image.channel("G").unwrap()[32 * 64 + 32] == 0.0);
 }
 
-/// A single-sided sheet above a floor, facing the lights or turned over: the same shadow, under every kind of light; as a sheet with two sides has it.
+/// A single-sided sheet above a floor, facing the lights or turned over: the same shadow, under
+/// every kind of light; as a sheet with two sides has it.
 ///
-/// Null hypothesis: the three pictures have one mean; see [`assert_same`]. Turned over it differed by all of the light before.
+/// Null hypothesis: the three pictures have one mean; see [`assert_same`]. Turned over it differed
+/// by all of the light before.
 #[test]
 fn sheets_cast_shadows_either_way() {
     let red = lambert([0.8, 0.2, 0.2]);
@@ -363,7 +374,8 @@ fn sheets_cast_shadows_either_way() {
     }
 }
 
-/// The camera sees a sheet from its front, and through its back the floor in its shadow, straight through a pane as well; a mirror shows the back.
+/// The camera sees a sheet from its front, and through its back the floor in its shadow, straight
+/// through a pane as well; a mirror shows the back.
 #[test]
 fn backs_are_hidden_from_the_camera_alone() {
     let sheet = |up| (level(0.5, 0.5, up), lambert([0.8, 0.2, 0.1]));

@@ -1,8 +1,10 @@
-//! Shadow rays that pass panes: smooth thin walls and bodies of index 1 let light go straight on, dimmed and tinted.
+//! Shadow rays that pass panes: smooth thin walls and bodies of index 1 let light go straight on,
+//! dimmed and tinted.
 //!
-//! A light without extent behind a pane is found by no other technique: no path runs into it. So shadow rays to such lights carry what the delta lobes
-//! of all panes on their way would, and nothing is counted twice. Lights with extent are met by the paths that pass the pane; shadow rays to them are
-//! stopped by it, and what is drawn as a delta lobe has weight one.
+//! A light without extent behind a pane is found by no other technique: no path runs into it. So
+//! shadow rays to such lights carry what the delta lobes of all panes on their way would, and
+//! nothing is counted twice. Lights with extent are met by the paths that pass the pane; shadow
+//! rays to them are stopped by it, and what is drawn as a delta lobe has weight one.
 
 use crate::interior::{self, Inside};
 use crate::media::{Leg, Media, Ray, Shadow, Start};
@@ -12,7 +14,8 @@ use pileus_scene::{Bsdf, Interaction, Surfaces};
 use rand_core::Rng;
 use smallvec::SmallVec;
 
-/// Panes after which a shadow ray counts as stopped: none of a scene has so many in a row, but a ray has to end whatever the scene.
+/// Panes after which a shadow ray counts as stopped: none of a scene has so many in a row, but a
+/// ray has to end whatever the scene.
 const MOST_PANES: usize = 1 << 16;
 
 /// What a shadow ray has passed on its way to a light without extent.
@@ -70,8 +73,9 @@ impl Passage {
         None
     }
 
-    /// Transmittance along the whole ray of media for which it matters where a ray starts: it starts anew at every pane, as a path does that goes
-    /// through, so that a sun of no size is the limit of small ones.
+    /// Transmittance along the whole ray of media for which it matters where a ray starts: it
+    /// starts anew at every pane, as a path does that goes through, so that a sun of no size is the
+    /// limit of small ones.
     pub(crate) fn transmittance<M: Media, R: Rng>(
         &self,
         media: &M,

@@ -161,7 +161,8 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         // What directions drawn by fires have put on the throughput.
         let mut drawn = 1.0f32;
         let mut start: Start = None;
-        // Whether the ray is still the camera's, and how many panes the path went straight through: these are no bounces to `max_bounces`.
+        // Whether the ray is still the camera's, and how many panes the path went straight through:
+        // these are no bounces to `max_bounces`.
         let mut camera = true;
         let mut crossed = 0;
         let mut next_look = self.limits.first_look();
@@ -589,7 +590,8 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         }
         counters.shadow_rays += 1;
         let ray = Ray { origin: at.vertex.origin(at.p, light.wi), direction: light.wi };
-        // A light without extent shines through panes; in scenes without panes none of this is asked.
+        // A light without extent shines through panes; in scenes without panes none of this is
+        // asked.
         let mut passage = None;
         if W::WHOLE
             && light.pdf == 0.0

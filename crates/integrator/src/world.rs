@@ -145,7 +145,8 @@ pub(crate) trait World: Sync {
     /// Volumes that give off light.
     fn fires(&self) -> &[Arc<EmissionField>];
 
-    /// The nearest surface on a ray; `camera`: it is still the camera's own, which backs of single-sided surfaces do not stop.
+    /// The nearest surface on a ray; `camera`: it is still the camera's own, which backs of
+    /// single-sided surfaces do not stop.
     #[inline(always)]
     fn intersect<R: Rng>(&self, ray: &Ray, camera: bool, rng: &mut R) -> Option<Hit> {
         if !Self::WHOLE {

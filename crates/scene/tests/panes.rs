@@ -1,4 +1,5 @@
-//! Materials as others write them: turned normal maps, drafts of scattering, keys that nobody knows, materials that nothing uses, sheets with a back.
+//! Materials as others write them: turned normal maps, drafts of scattering, keys that nobody
+//! knows, materials that nothing uses, sheets with a back.
 
 use base64::Engine;
 use glam::{DVec3, Vec2, Vec3};
@@ -31,7 +32,8 @@ struct Corners {
     set: usize,
 }
 
-/// The square from (-1, -1, 0) to (1, 1, 0), front up; the first coordinate grows with x, the second with y.
+/// The square from (-1, -1, 0) to (1, 1, 0), front up; the first coordinate grows with x, the
+/// second with y.
 const SQUARE: [[f32; 3]; 4] =
     [[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]];
 
@@ -100,11 +102,13 @@ fn normal(corners: &Corners, transform: &Value, node: Value) -> Vec3 {
     below(&surfaces(&file), 0.3, 0.2).shading_normal
 }
 
-/// The texel of [`normal`] as a direction: along the first coordinate, against the second, outwards.
+/// The texel of [`normal`] as a direction: along the first coordinate, against the second,
+/// outwards.
 const TILT: Vec3 = Vec3::new(204.0 / 127.5 - 1.0, 128.0 / 127.5 - 1.0, 230.0 / 127.5 - 1.0);
 
 /// The normal as the frame of the transformed coordinates has it: the tangent is the direction in
-/// which the first grows while the second stays, the bitangent is square to it on the side on which the second falls.
+/// which the first grows while the second stays, the bitangent is square to it on the side on which
+/// the second falls.
 fn expected(uv: [[f32; 2]; 4], (rotation, scale): (f32, [f32; 2])) -> Vec3 {
     let (sin, cos) = rotation.sin_cos();
     let place = |uv: [f32; 2]| {
@@ -187,7 +191,8 @@ fn texture_transforms_turn_normal_maps() {
     assert!(normal(&plain, &huge, json!({"mesh": 0})).is_finite());
 }
 
-/// Reflected irradiance of the closed forms: 3 / pi times the cosine to the sun, for the map whose value is (204, 128, 230).
+/// Reflected irradiance of the closed forms: 3 / pi times the cosine to the sun, for the map whose
+/// value is (204, 128, 230).
 #[test]
 fn turned_normal_maps_reflect_the_known_light() {
     let to_light = Vec3::new(0.7, 0.3, 0.6).normalize();
@@ -281,7 +286,8 @@ fn both_drafts_of_scattering_are_read() {
         assert!((found.sigma_a + found.sigma_s - old.sigma_a - old.sigma_s).length() < 1e-4);
         assert_eq!(found.g, old.g);
     }
-    // A texture alone; both drafts at once: the newer one counts, with its default strength of none.
+    // A texture alone; both drafts at once: the newer one counts, with its default strength of
+    // none.
     let (found, _) = medium(
         json!({"KHR_materials_volume_scatter": {"multiscatterColorTexture": texture}}),
         json!([half]),
@@ -300,7 +306,8 @@ fn both_drafts_of_scattering_are_read() {
     assert!(said.iter().any(|s| s.contains("thin walls") && s.contains("`leaf`")), "{said:?}");
 }
 
-/// Keys in extensions that are read which are not known are named with extension and material; others are not.
+/// Keys in extensions that are read which are not known are named with extension and material;
+/// others are not.
 #[test]
 fn unknown_keys_of_known_extensions_are_said() {
     let (_, scene) = medium(
@@ -342,7 +349,8 @@ fn unknown_keys_of_known_extensions_are_said() {
     assert!(said[0].contains("`m0` and 2 more") && said[32].contains("68 more"), "{said:?}");
 }
 
-/// What is wrong with a material that no visible surface uses stops nothing and is not said; used, it does.
+/// What is wrong with a material that no visible surface uses stops nothing and is not said; used,
+/// it does.
 #[test]
 fn materials_that_nothing_uses_stop_nothing() {
     let faults = [
@@ -382,7 +390,8 @@ fn materials_that_nothing_uses_stop_nothing() {
     assert!(parse(&lines).unwrap().1.surfaces.is_some());
 }
 
-/// Two single-sided sheets back to back in one place: a ray meets the front that faces it, whichever comes first in the file.
+/// Two single-sided sheets back to back in one place: a ray meets the front that faces it,
+/// whichever comes first in the file.
 #[test]
 fn sheets_back_to_back_show_their_fronts() {
     for order in [[0, 1], [1, 0]] {

@@ -25,8 +25,8 @@ pub(crate) enum Passing {
 }
 
 impl Passing {
-    /// Of a surface of a perceptual roughness in [0, 1] that bounds a body of an index, at least 1, or is a
-    /// thin wall.
+    /// Of a surface of a perceptual roughness in [0, 1] that bounds a body of an index, at least 1,
+    /// or is a thin wall.
     pub(crate) fn of(roughness: f32, body: Option<f32>) -> Passing {
         let ggx = Ggx::new(roughness);
         match body.map(contrast) {

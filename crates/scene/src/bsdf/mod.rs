@@ -201,11 +201,12 @@ impl Bsdf {
         })
     }
 
-    /// Share of light per channel that reaches the viewer straight through the surface, from `-wo`, by a delta lobe: what
-    /// [`sample`](Bsdf::sample) brings from there in the mean. Zero if what passes is bent or scattered, or if nothing passes.
+    /// Share of light per channel that reaches the viewer straight through the surface, from `-wo`,
+    /// by a delta lobe: what [`sample`](Bsdf::sample) brings from there in the mean. Zero if what
+    /// passes is bent or scattered, or if nothing passes.
     ///
-    /// Thin walls let light through straight where they are smooth, bodies where their index is exactly 1, whatever their
-    /// roughness. In [0, 1].
+    /// Thin walls let light through straight where they are smooth, bodies where their index is
+    /// exactly 1, whatever their roughness. In [0, 1].
     pub fn straight_through(&self, wo: Vec3) -> Vec3 {
         if !self.passes_straight() || !(self.geometric.dot(wo) > 0.0) {
             return Vec3::ZERO;
@@ -214,7 +215,8 @@ impl Bsdf {
         if value.is_finite() { value } else { Vec3::ZERO }
     }
 
-    /// Whether some light goes straight through: then it is all that [`sample`](Bsdf::sample) draws as a transmitted delta lobe.
+    /// Whether some light goes straight through: then it is all that [`sample`](Bsdf::sample) draws
+    /// as a transmitted delta lobe.
     #[inline]
     pub fn passes_straight(&self) -> bool {
         self.base.is_straight()

@@ -47,7 +47,8 @@ pub(crate) struct Mesh {
     pub(crate) parts: Vec<Part>,
     corners: Vec<[Vec3; 3]>,
     tags: Vec<Tag>,
-    /// Of each part whether the camera passes its back and whether it may have holes; empty if no part does.
+    /// Of each part whether the camera passes its back and whether it may have holes; empty if no
+    /// part does.
     filters: Vec<Filter>,
     /// Whether any part may have holes.
     has_holes: bool,

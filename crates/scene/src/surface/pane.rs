@@ -1,5 +1,5 @@
-//! Surfaces that let light go straight on, and those that do not: what shadow rays to lights without
-//! extent have to know.
+//! Surfaces that let light go straight on, and those that do not: what shadow rays to lights
+//! without extent have to know.
 
 use std::collections::BTreeMap;
 
