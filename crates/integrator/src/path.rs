@@ -244,6 +244,12 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
                     break;
                 }
                 Event::Collision { t, phase, albedo } => {
+                    if bounces >= next_look && self.cuts(bounces, &mut next_look, &tally, counters)
+                    {
+                        bounces += 1;
+                        break;
+                    }
+                    bounces += 1;
                     beta *= albedo;
                     let vertex = InMedium { phase, incoming: ray.direction };
                     (ray.at(t), W::in_medium(vertex), Turn::Medium(phase))
@@ -258,6 +264,12 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
                             self.weight_of_lamp(&ray, met, last.as_ref(), flown.null_probability);
                         radiance += beta * interaction.emission * weight;
                     }
+                    if bounces >= next_look && self.cuts(bounces, &mut next_look, &tally, counters)
+                    {
+                        bounces += 1;
+                        break;
+                    }
+                    bounces += 1;
                     let wo = -ray.direction;
                     let side = if interaction.front_face { 1.0 } else { -1.0 };
                     let bsdf = Bsdf::new(
@@ -271,18 +283,6 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
                     (p, vertex, Turn::Surface(bsdf, interaction))
                 }
             };
-            if bounces >= next_look {
-                let events = u64::from(bounces) + tally.lookups + tally.majorant_steps;
-                match self.limits.look(bounces, events) {
-                    Ok(next) => next_look = next,
-                    Err(cut) => {
-                        counters.count_cut(cut);
-                        bounces += 1;
-                        break;
-                    }
-                }
-            }
-            bounces += 1;
             let strongest = beta.max_element();
             if !(strongest > 0.0) {
                 break;
@@ -402,6 +402,27 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
             alpha = share;
         }
         (radiance, alpha)
+    }
+
+    /// Whether a limit cuts a path at a bounce at which it had to ask, and counts it; else, when it
+    /// has to ask next.
+    #[inline(always)]
+    fn cuts(
+        &self,
+        bounces: u32,
+        next_look: &mut u32,
+        tally: &Tally,
+        counters: &mut Counters,
+    ) -> bool {
+        let events = u64::from(bounces) + tally.lookups + tally.majorant_steps;
+        match self.limits.look(bounces, events) {
+            Ok(next) => *next_look = next,
+            Err(cut) => {
+                counters.count_cut(cut);
+                return true;
+            }
+        }
+        false
     }
 
     /// Radiance from infinity along an escaping ray, weighted against shadow rays where they cover it.
