@@ -18,6 +18,7 @@ const MAX_BOUNCES_BETWEEN_LOOKS: u64 = 256;
 pub(crate) struct PathLimits<'a> {
     max_bounces: u32,
     max_events: u64,
+    first_look: u32,
     /// Whether the render is to stop.
     stop: &'a (dyn Fn() -> bool + Sync),
 }
@@ -37,16 +38,17 @@ impl<'a> PathLimits<'a> {
         settings: &RenderSettings,
         stop: &'a (dyn Fn() -> bool + Sync),
     ) -> PathLimits<'a> {
-        PathLimits {
-            max_bounces: settings.max_bounces.unwrap_or(u32::MAX),
-            max_events: settings.max_events.unwrap_or(u64::MAX),
-            stop,
-        }
+        let max_bounces = settings.max_bounces.unwrap_or(u32::MAX);
+        let limits = PathLimits { max_bounces, max_events: u64::MAX, first_look: 0, stop };
+        limits.with_max_events(settings.max_events.unwrap_or(u64::MAX))
     }
 
     /// These limits with at most `max_events` events.
     pub(crate) fn with_max_events(self, max_events: u64) -> PathLimits<'a> {
-        PathLimits { max_events: self.max_events.min(max_events), ..self }
+        let max_events = self.max_events.min(max_events);
+        // At most 16: the cast loses nothing.
+        let first_look = self.max_bounces.min(max_events.min(u64::from(FIRST_LOOK)) as u32);
+        PathLimits { max_events, first_look, ..self }
     }
 
     /// Most bounces of a path.
@@ -57,8 +59,7 @@ impl<'a> PathLimits<'a> {
     /// The bounce at which a path has to ask for the first time.
     #[inline(always)]
     pub(crate) fn first_look(&self) -> u32 {
-        // At most 16: the cast loses nothing.
-        self.max_bounces.min(self.max_events.min(u64::from(FIRST_LOOK)) as u32)
+        self.first_look
     }
 
     /// Whether a path of so many bounces, of which it went straight through a pane in `crossed`,

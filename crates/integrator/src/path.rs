@@ -257,6 +257,14 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
                     break;
                 }
                 Event::Collision { t, phase, albedo } => {
+                    if bounces >= next_look
+                        && let Some(cut) = self.cut(bounces, crossed, &mut next_look, &tally)
+                    {
+                        counters.count_cut(cut);
+                        bounces += 1;
+                        break;
+                    }
+                    bounces += 1;
                     beta *= albedo;
                     let vertex = InMedium { phase, incoming: ray.direction };
                     (ray.at(t), W::in_medium(vertex), Turn::Medium(phase))
@@ -273,43 +281,35 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
                     let wo = -ray.direction;
                     let bsdf = bsdf(&interaction);
                     let p = interaction.p;
-                    let Some(vertex) = W::at_surface(bsdf, wo, interaction) else { break };
-                    (p, vertex, Turn::Surface(bsdf, interaction))
-                }
-            };
-            if bounces >= next_look {
-                let events = u64::from(bounces) + tally.lookups + tally.majorant_steps;
-                match self.limits.look(bounces, crossed, events) {
-                    Ok(next) => next_look = next,
-                    Err(cut) => {
+                    if bounces >= next_look
+                        && let Some(cut) = self.cut(bounces, crossed, &mut next_look, &tally)
+                    {
                         bounces += 1;
                         // What goes straight through a pane has not been scattered: no limit on scatterings stops it.
-                        let straight = match &turn {
-                            Turn::Surface(bsdf, _) if cut == Cut::MaxBounces => {
-                                bsdf.straight_through(-ray.direction)
-                            }
-                            _ => Vec3::ZERO,
+                        let straight = if cut == Cut::MaxBounces {
+                            bsdf.straight_through(wo)
+                        } else {
+                            Vec3::ZERO
                         };
                         if straight != Vec3::ONE {
                             counters.count_cut(cut);
                         }
                         beta *= straight;
-                        let Turn::Surface(_, interaction) = &turn else { break };
-                        if beta == Vec3::ZERO {
-                            break;
-                        }
+                        let through = W::at_surface(bsdf, wo, interaction);
+                        let Some(vertex) = through.filter(|_| beta != Vec3::ZERO) else { break };
                         crossed += 1;
-                        pass_through(&mut inside, interaction);
-                        let origin = interaction.spawn(ray.direction);
-                        layer = self.world.next_layer(interaction, ray.direction, sampler);
+                        pass_through(&mut inside, &interaction);
+                        layer = self.world.next_layer(&interaction, ray.direction, sampler);
                         last = Some(Last { p, vertex, pdf: 0.0 });
-                        ray = Ray { origin, direction: ray.direction };
+                        ray = Ray { origin: interaction.spawn(ray.direction), ..ray };
                         start = None;
                         continue;
                     }
+                    bounces += 1;
+                    let Some(vertex) = W::at_surface(bsdf, wo, interaction) else { break };
+                    (p, vertex, Turn::Surface(bsdf, interaction))
                 }
-            }
-            bounces += 1;
+            };
             // Weights of flights through media whose bounds do not hold have either sign.
             let strongest = beta.abs().max_element();
             if !(strongest > 0.0) {
@@ -441,6 +441,20 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         counters.bounces += u64::from(bounces - begun);
         counters.add_tally(&tally);
         (radiance, transmitted)
+    }
+
+    /// Why a limit cuts a path, of whose bounces `crossed` went straight through panes, at a bounce
+    /// at which it had to ask; `None` if it goes on, and when it has to ask next.
+    #[inline(always)]
+    fn cut(&self, bounces: u32, crossed: u32, next_look: &mut u32, tally: &Tally) -> Option<Cut> {
+        let events = u64::from(bounces) + tally.lookups + tally.majorant_steps;
+        match self.limits.look(bounces, crossed, events) {
+            Ok(next) => {
+                *next_look = next;
+                None
+            }
+            Err(cut) => Some(cut),
+        }
     }
 
     /// Radiance from infinity along an escaping ray, weighted against shadow rays where they cover it.

@@ -130,7 +130,7 @@ pub(crate) fn may_cut(scene: &Scene, settings: &RenderSettings) -> Option<String
     let long = || scene.volumes.iter().filter(long);
     long().next()?;
     Some(format!(
-        "{MAX_EVENTS} {limit}: may cut paths in volume {}, which is dense and absorbs next to nothing",
+        "{MAX_EVENTS} {limit}: may cut paths in volume {}: next to no absorption, and great depth",
         names(long().map(|volume| volume.name.as_str()))
     ))
 }

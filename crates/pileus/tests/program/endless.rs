@@ -185,7 +185,6 @@ fn channels_that_differ_by_orders_are_exact() {
         let mean = values.iter().sum::<f64>() / n;
         let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0);
         let error = (variance / n).sqrt();
-        println!("{name}: {mean:.4} ± {error:.4}");
         assert!((mean - 1.0).abs() < 6.0 * error + 1e-5 && error < 0.01, "{name} {mean} ± {error}");
     }
 }
