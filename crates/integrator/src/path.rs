@@ -273,11 +273,11 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
                         let straight = bsdf.straight_through(wo);
                         counters.cut_by_max_bounces += u64::from(straight != Vec3::ONE);
                         beta *= straight;
-                        if beta == Vec3::ZERO {
+                        let through = W::at_surface(bsdf, wo, interaction);
+                        let Some(vertex) = through.filter(|_| beta != Vec3::ZERO) else {
                             bounces += 1;
                             break;
-                        }
-                        let Some(vertex) = W::at_surface(bsdf, wo, interaction) else { break };
+                        };
                         pass_through(&mut inside, &interaction);
                         last = Some(Last { p, vertex, pdf: 0.0 });
                         ray = Ray { origin: interaction.spawn(ray.direction), ..ray };
