@@ -98,7 +98,7 @@ impl Passage {
 }
 
 /// How the surface that a ray has hit scatters.
-#[inline]
+#[inline(always)]
 pub(crate) fn bsdf(interaction: &Interaction) -> Bsdf {
     let side = if interaction.front_face { 1.0 } else { -1.0 };
     Bsdf::new(

@@ -28,7 +28,11 @@ impl Passing {
     /// Of a surface of a perceptual roughness in [0, 1] that bounds a body of an index, at least 1,
     /// or is a thin wall.
     pub(crate) fn of(roughness: f32, body: Option<f32>) -> Passing {
-        let ggx = Ggx::new(roughness);
+        Passing::at_facets(Ggx::new(roughness), body)
+    }
+
+    #[inline(always)]
+    fn at_facets(ggx: Option<Ggx>, body: Option<f32>) -> Passing {
         match body.map(contrast) {
             Some(0.0) => Passing::Straight,
             Some(contrast) if ggx.is_none_or(|g| g.alpha() * contrast < STRAIGHT) => Passing::Bent,
@@ -92,7 +96,7 @@ impl Base {
             refracts.then(|| (Interface::new(p.ior, look, entering), dielectric * p.transmission));
         let schlicks = if refracts { dielectric * (1.0 - p.transmission) } else { dielectric };
         let passed = dielectric * p.transmission * color;
-        let passing = Passing::of(p.roughness, refracts.then_some(p.ior));
+        let passing = Passing::at_facets(ggx, refracts.then_some(p.ior));
 
         let bounces = |f0: Vec3, strength: f32| {
             multiple_bounces(strength * (f0 + (Vec3::ONE - f0) * SCHLICK_AVERAGE), one)

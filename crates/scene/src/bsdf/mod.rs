@@ -207,6 +207,7 @@ impl Bsdf {
     ///
     /// Thin walls let light through straight where they are smooth, bodies where their index is
     /// exactly 1, whatever their roughness. In [0, 1].
+    #[inline(never)]
     pub fn straight_through(&self, wo: Vec3) -> Vec3 {
         if !self.passes_straight() || !(self.geometric.dot(wo) > 0.0) {
             return Vec3::ZERO;

@@ -91,6 +91,16 @@ pub(crate) struct Scatter {
     pub(crate) g: f32,
 }
 
+impl Scatter {
+    /// The medium that a path finds which enters at a point.
+    #[inline(never)]
+    fn at(&self, point: &Point) -> Interior {
+        let color = eval(&self.multiscatter_texture, point).truncate();
+        let multiscatter = self.multiscatter * color * eval(&self.strength_texture, point).w;
+        Interior::of_albedo(self.sigma_t, multiscatter, self.g)
+    }
+}
+
 impl Interior {
     /// A medium of this extinction that reflects `multiscatter` of diffuse light from a half space.
     pub(crate) fn of_albedo(sigma_t: Vec3, multiscatter: Vec3, g: f32) -> Self {
@@ -196,11 +206,12 @@ impl Material {
     }
 
     /// The medium of the body that a path enters at a point.
+    #[inline(always)]
     pub(crate) fn interior_at(&self, point: &Point) -> Option<Interior> {
-        let Some(scatter) = &self.scatter else { return self.interior };
-        let color = eval(&scatter.multiscatter_texture, point).truncate();
-        let multiscatter = scatter.multiscatter * color * eval(&scatter.strength_texture, point).w;
-        Some(Interior::of_albedo(scatter.sigma_t, multiscatter, scatter.g))
+        match &self.scatter {
+            None => self.interior,
+            Some(scatter) => Some(scatter.at(point)),
+        }
     }
 
     /// What becomes of light that it lets through at a roughness; `None` if it lets none through.

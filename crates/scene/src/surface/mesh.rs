@@ -214,7 +214,6 @@ impl Mesh {
         texture: &Texture,
     ) -> Option<(Vec3, f32)> {
         let (part, tag) = (self.part(triangle), self.tags[triangle]);
-        let gradient = self.gradient(triangle, texture.set);
         let turned = texture.turned_frame();
         if let Some(tangents) = part.tangents.as_deref() {
             let [a, b, c] = at(tangents, tag);
@@ -225,6 +224,7 @@ impl Mesh {
                 .unwrap_or_else(|| self.geometric_normal(triangle).as_vec3());
             // Lengths and angle of the coordinates' directions on the triangle; a square grid
             // where it has none.
+            let gradient = self.gradient(triangle, texture.set);
             let (dpdu, dpdv) = gradient.map_or((Vec3::X, Vec3::Y), |(dpdu, dpdv, _)| (dpdu, dpdv));
             let (u2, uv) = (dpdu.length_squared(), dpdu.dot(dpdv));
             let across = (u2 * dpdv.length_squared() - uv * uv).max(0.0).sqrt();
@@ -234,7 +234,7 @@ impl Mesh {
             let b = (normal.cross(t) * sign).normalize_or_zero();
             return Some((t * along - b * against, sign * flip));
         }
-        let (dpdu, dpdv, sign) = gradient?;
+        let (dpdu, dpdv, sign) = self.gradient(triangle, texture.set)?;
         Some(match turned {
             None => (dpdu, sign),
             Some(([x, y], flip)) => (dpdu * x + dpdv * y, sign * flip),
@@ -243,6 +243,7 @@ impl Mesh {
 
     /// How a point of a triangle moves with the coordinates of `set`, and the sign of the
     /// bitangent; `None` where the triangle has no area in them.
+    #[inline(always)]
     fn gradient(&self, triangle: usize, set: usize) -> Option<(Vec3, Vec3, f32)> {
         let (part, tag) = (self.part(triangle), self.tags[triangle]);
         let [uv0, uv1, uv2] = at(part.uv.get(set)?.as_deref()?, tag);
