@@ -39,12 +39,15 @@ fn load(items: &[Item], root: Value) -> GltfSurfaces {
         let mut primitives = Vec::new();
         for (triangles, material) in &item.primitives {
             let corners: Vec<[f32; 3]> = triangles.iter().flatten().copied().collect();
-            let view = json!({"buffer": 0, "byteOffset": bytes.len(), "byteLength": 12 * corners.len()});
+            let view =
+                json!({"buffer": 0, "byteOffset": bytes.len(), "byteLength": 12 * corners.len()});
             let (low, high) = corners.iter().fold(([f32::MAX; 3], [f32::MIN; 3]), |(l, h), p| {
                 ([0, 1, 2].map(|k| l[k].min(p[k])), [0, 1, 2].map(|k| h[k].max(p[k])))
             });
-            accessors.push(json!({"bufferView": views.len(), "componentType": 5126, "count": corners.len(),
-                "type": "VEC3", "min": low, "max": high}));
+            accessors.push(
+                json!({"bufferView": views.len(), "componentType": 5126, "count": corners.len(),
+                "type": "VEC3", "min": low, "max": high}),
+            );
             views.push(view);
             bytes.extend(corners.iter().flatten().flat_map(|c| c.to_le_bytes()));
             primitives.push(json!({"attributes": {"POSITION": accessors.len() - 1}, "material": materials.len()}));
@@ -136,7 +139,10 @@ fn glass_stands_on_a_floor() {
         let scene = view(&items, eye, target, 3.0, DVec3::NEG_Z);
         for (found, error) in mean(&scene, 256) {
             println!("{name}: {found:.5} +- {error:.5}, exact {exact:.5}");
-            assert!(error < 1.2e-3 && (found - exact).abs() < 5.0 * error + 1e-4, "{name}: {found} {error}");
+            assert!(
+                error < 1.2e-3 && (found - exact).abs() < 5.0 * error + 1e-4,
+                "{name}: {found} {error}"
+            );
         }
     }
 }
@@ -179,7 +185,7 @@ fn touching_boxes_absorb_one_after_the_other() {
     let color = [0.5f32, 0.7, 0.9];
     for size in [1.0f32, 0.3, 0.7] {
         let unit = cube(0.5);
-        let place = |k: i32| json!({"translation": [0.0, 0.0, size * k as f32], "scale": [size; 3]});
+        let place = |k: i32| json!({"translation": [0.0, 0.0, size * k as f32], "scale": [size, size, size]});
         let order = [[0, 1, 2], [2, 0, 1], [1, 2, 0]];
         let mut lists: Vec<Vec<Item>> = order
             .iter()
@@ -204,7 +210,10 @@ fn touching_boxes_absorb_one_after_the_other() {
             let scene = view(items, eye * across, target * across, 2.0, DVec3::Y);
             for (c, (found, _)) in mean(&scene, 4).into_iter().enumerate() {
                 let exact = f64::from(color[c]).powf(3.0 * across);
-                assert!((found - exact).abs() < 2e-3 * exact, "{size} {number} {c}: {found} {exact}");
+                assert!(
+                    (found - exact).abs() < 2e-3 * exact,
+                    "{size} {number} {c}: {found} {exact}"
+                );
             }
         }
     }
@@ -221,10 +230,8 @@ fn liquids_share_the_cavitys_vertices() {
     let one = |primitives: Vec<(Triangles, Value)>| {
         vec![Item { name: "it", node: json!({}), primitives }]
     };
-    let nodes = [
-        Item::new(hollow_mesh.clone(), hollow.clone()),
-        Item::new(inner.clone(), water.clone()),
-    ];
+    let nodes =
+        [Item::new(hollow_mesh.clone(), hollow.clone()), Item::new(inner.clone(), water.clone())];
     let lists = [
         nodes.to_vec(),
         nodes.iter().rev().cloned().collect(),
@@ -272,7 +279,8 @@ fn open_and_turned_meshes_end_with_a_warning() {
         let found = load(&[item.clone()], json!({}));
         assert_eq!(found.warnings.len(), 1, "{name}: {:?}", found.warnings);
         let warning = &found.warnings[0];
-        let names = [said, &format!("`mesh of {name}`"), &format!("node `{name}`")].map(str::to_owned);
+        let names =
+            [said, &format!("`mesh of {name}`"), &format!("node `{name}`")].map(str::to_owned);
         assert!(names.iter().all(|part| warning.contains(part)), "{warning}");
         let eye = DVec3::new(0.3, 0.2, 8.0);
         let scene = view(&[item], eye, DVec3::new(0.3, 0.2, 0.0), 2.0, DVec3::Y);
@@ -296,12 +304,16 @@ fn joined_glass_is_a_body_and_a_pane() {
     let pane = quad([0.5, -0.5, 0.5], [2.0, 0.0, 0.0], [0.0, 1.0, 0.0]);
     for (pane, at) in [(moved(&pane, [1.0, 0.0, 0.0]), 2.5), (pane, 1.5)] {
         let found = load(&[Item::new([pane, cube(0.5)].concat(), material.clone())], json!({}));
-        assert!(found.warnings.is_empty() && found.notes.iter().any(|note| note.contains("fills closed meshes")));
+        assert!(
+            found.warnings.is_empty()
+                && found.notes.iter().any(|note| note.contains("fills closed meshes"))
+        );
         let surfaces = found.surfaces.unwrap();
         assert!(!surfaces.mesh_is_closed(0));
         let thin = |x: f64| {
             let along = Vec3::NEG_Z;
-            let hit = surfaces.intersect(DVec3::new(x, 0.1, 9.0), along, 99.0, &mut Pcg32::new(1, 1));
+            let hit =
+                surfaces.intersect(DVec3::new(x, 0.1, 9.0), along, 99.0, &mut Pcg32::new(1, 1));
             surfaces.interaction(&hit.unwrap(), along).parameters.thin_walled
         };
         assert!(!thin(0.0) && thin(at));
@@ -321,7 +333,10 @@ fn lamps_are_covered_by_what_coincides() {
         let mut items = vec![
             Item::new(floor(4.0, -gap), lambert([0.5; 3])),
             Item::new(floor(1.0, 0.0), both_sides(lamp([0.2; 3], [3.0; 3]))),
-            Item::new(quad([-0.5, gap, -2.0], [0.0, 0.0, 4.0], [3.0, 0.0, 0.0]), both_sides(dark.clone())),
+            Item::new(
+                quad([-0.5, gap, -2.0], [0.0, 0.0, 4.0], [3.0, 0.0, 0.0]),
+                both_sides(dark.clone()),
+            ),
             // A ceiling that the lamp lights, which is what is looked at.
             Item::new(turned(&floor(3.0, 1.5)), both_sides(lambert([0.8; 3]))),
         ];
@@ -337,7 +352,8 @@ fn lamps_are_covered_by_what_coincides() {
         let image = rendered(&scene, &RenderSettings { light_sampling, ..settings(64, 5) });
         let n = 256.0;
         let sum = |values: &[f32]| values.iter().map(|v| f64::from(*v)).sum::<f64>();
-        let (mean, variance) = (image.image.channel("G").unwrap(), image.variance.channel("G").unwrap());
+        let (mean, variance) =
+            (image.image.channel("G").unwrap(), image.variance.channel("G").unwrap());
         (sum(mean) / n, sum(variance).sqrt() / n)
     };
     use pileus_integrator::LightSampling::{Both, Paths};
@@ -400,14 +416,18 @@ impl Arrangement {
                     items.push((Shape::Box(low, high, 0), outer));
                     if height == 2 && clear && uniform(rng) < 0.5 {
                         // The lower half is filled to the walls.
-                        items.push((Shape::Box(low, [x + 1, y + 1, z + 1], 1), material(rng, true)));
+                        items
+                            .push((Shape::Box(low, [x + 1, y + 1, z + 1], 1), material(rng, true)));
                     }
                     y += height;
                     if uniform(rng) < 0.3 {
                         let at = [x as f32 - 0.25, y as f32, z as f32 - 0.25];
                         let mut pane = glass(1.5);
                         pane["extensions"].as_object_mut().unwrap().remove("KHR_materials_volume");
-                        items.push((Shape::Sheet(at, [1.0, 1.5], 0.0, uniform(rng) < 0.5), both_sides(pane)));
+                        items.push((
+                            Shape::Sheet(at, [1.0, 1.5], 0.0, uniform(rng) < 0.5),
+                            both_sides(pane),
+                        ));
                     }
                 }
             }
@@ -454,12 +474,13 @@ impl Arrangement {
 /// Two hundred random arrangements, each at a random scale, turn and place: every sample (same seed) is what it is with a gap of 1e-5 of the scene's size, and
 /// with the nodes in another order, but for paths that run into an edge or a gap; a gap of 1e-4 agrees as well.
 ///
-/// Per ray, no statistics: a share of at most 0.5 % of the samples of all arrangements, and 3 % of each, may differ by more than 1e-3 (seen: see the test's output). On
-/// a wrong order of faces whole pictures differ: with the first of equally near hits instead, a third of all samples did.
+/// Without fog per ray, no statistics: at most 0.5 % of the samples of all arrangements (2 % at the wider gap) and 5 % of each may differ by more than 1e-3 (1e-2). With fog (a
+/// quarter) by the mean: null hypothesis equal means, |z| < 5 on 3 means, false alarm 2e-6; the standard error is some percent, a wrong order of faces changes
+/// pictures by tens of percents.
 #[test]
 fn random_arrangements_agree_with_a_gap() {
     let mut rng = Pcg32::new(77, 1);
-    let (mut differ, mut all) = ([0usize; 3], 0usize);
+    let (mut differ, mut foggy, mut all) = ([0usize; 3], [[0.0f64; 3]; 3], 0usize);
     for number in 0..200 {
         let arrangement = Arrangement::random(&mut rng);
         let mut u = || f64::from(uniform(&mut rng));
@@ -467,7 +488,7 @@ fn random_arrangements_agree_with_a_gap() {
         let scale = (10.0f64).powf(4.0 * u() - 2.0) as f32;
         let place = DVec3::new(u(), u(), u()) * f64::from(scale) * 5.0;
         let (turn, place) = (turn.as_quat(), place.as_vec3());
-        let root = json!({"rotation": turn.to_array(), "translation": place.to_array(), "scale": [scale; 3]});
+        let root = json!({"rotation": turn.to_array(), "translation": place.to_array(), "scale": [scale, scale, scale]});
         let to_world = DAffine3::from_scale_rotation_translation(
             DVec3::splat(f64::from(scale)),
             turn.as_dquat(),
@@ -480,12 +501,15 @@ fn random_arrangements_agree_with_a_gap() {
         for i in (1..other.len()).rev() {
             other.swap(i, (u() * (i + 1) as f64) as usize);
         }
-        let texels = (0..32 * 16).map(|i| if i % 32 < 16 { [2.0, 1.0, 0.5] } else { [0.2, 0.4, 0.8] });
+        let texels =
+            (0..32 * 16).map(|i| if i % 32 < 16 { [2.0, 1.0, 0.5] } else { [0.2, 0.4, 0.8] });
         let sky = EnvironmentImage::new(32, 16, texels.collect(), 1.0, 0.0).unwrap();
         let sky = Arc::new(sky);
         let image = |gap: f32, order: &[usize]| {
             let size = f64::from(scale * arrangement.unit);
-            let fog = |_| cube_homogeneous(20.0 * size, [0.1 / size as f32; 3], [0.5; 3], Phase::Isotropic);
+            let fog = |_| {
+                cube_homogeneous(20.0 * size, [0.1 / size as f32; 3], [0.5; 3], Phase::Isotropic)
+            };
             let media = arrangement.fog.then_some(()).map(fog).into_iter().collect();
             let mut scene = scene(media, DVec3::Z, DVec3::ZERO, 30.0);
             let [eye, target] = [eye, target].map(|p| to_world.transform_point3(p));
@@ -502,16 +526,35 @@ fn random_arrangements_agree_with_a_gap() {
         let pictures = [(0.0, &order), (3e-5, &order), (0.0, &other), (3e-4, &order)]
             .map(|(gap, order)| image(gap, order));
         let [touching, others @ ..] = &pictures;
-        for (other, differ) in others.iter().zip(&mut differ) {
-            let pairs = touching.iter().zip(other);
-            let count = pairs.filter(|(a, b)| (*a - *b).abs() > 1e-3 * (1.0 + a.abs())).count();
-            *differ += count;
-            if count * 100 > touching.len() {
-                println!("{number}: {count} of {} differ", touching.len());
+        if arrangement.fog {
+            // A flight over a gap of no width draws nothing, one over a gap does: paths are others.
+            for (other, foggy) in others.iter().zip(&mut foggy) {
+                for (a, b) in touching.iter().zip(other) {
+                    let apart = f64::from(a - b);
+                    foggy[0] += apart;
+                    foggy[1] += apart * apart;
+                    foggy[2] += f64::from(*a);
+                }
             }
-            assert!(count * 100 <= 100 * touching.len(), "{number}: {count} of {}", touching.len());
+            continue;
+        }
+        // A wide gap takes some length from every body.
+        let names = [("gap", 1e-3), ("order", 1e-3), ("wide gap", 1e-2)];
+        for ((other, differ), (name, least)) in others.iter().zip(&mut differ).zip(names) {
+            let pairs = touching.iter().zip(other);
+            let count = pairs.filter(|(a, b)| (*a - *b).abs() > least * (1.0 + a.abs())).count();
+            *differ += count;
+            if count > 0 {
+                println!("{number}: {count} of {} differ by {name}", touching.len());
+            }
+            assert!(count * 20 <= touching.len(), "{number}, {name}: {count}");
         }
         all += touching.len();
+    }
+    for [sum, squares, total] in foggy {
+        let z = sum / squares.sqrt().max(1e-3 * total);
+        println!("in fog: differences {sum:.2} of {total:.0}, z {z:.2}");
+        assert!(z.abs() < 5.0, "{sum} {squares}");
     }
     println!("of {all} samples differ by a gap of 1e-5, the order, a gap of 1e-4: {differ:?}");
     assert!(differ[0] * 200 < all && differ[1] * 200 < all && differ[2] * 50 < all, "{differ:?}");
