@@ -29,7 +29,10 @@ impl Wall {
     }
 
     /// The place among bodies entered of the one that is left through this wall.
-    fn left(self, bodies: impl DoubleEndedIterator<Item = Wall> + ExactSizeIterator + Clone) -> Option<usize> {
+    fn left(
+        self,
+        bodies: impl DoubleEndedIterator<Item = Wall> + ExactSizeIterator + Clone,
+    ) -> Option<usize> {
         let mut own = bodies.clone();
         own.rposition(|wall| wall == self).or_else(|| {
             let mut bodies = bodies;

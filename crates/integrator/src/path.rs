@@ -393,7 +393,9 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
                 drawn *= weight;
             }
             let origin = vertex.origin(p, wi);
-            if W::WHOLE && let Some(surface) = vertex.surface() {
+            if W::WHOLE
+                && let Some(surface) = vertex.surface()
+            {
                 layer = self.world.next_layer(surface, wi, sampler);
             }
             if MIS {

@@ -300,8 +300,7 @@ impl Loader<'_> {
         let named = |material: u32| {
             self.materials.get(material as usize).map_or(String::new(), |m| m.name.clone())
         };
-        self.made_solid
-            .extend(solid_materials.into_iter().map(|m| (named(m), name.to_owned())));
+        self.made_solid.extend(solid_materials.into_iter().map(|m| (named(m), name.to_owned())));
         let mesh = called(name, index);
         // One warning for all shells of a material with the same fault.
         let mut by_fault: BTreeMap<(u32, Wrong), u32> = BTreeMap::new();

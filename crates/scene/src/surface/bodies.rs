@@ -147,8 +147,7 @@ impl Shells {
             }
             self.of[i] = *number;
             self.turned[i] = turned;
-            let (shell, fact) =
-                (&mut self.shells[*number as usize], &mut facts[*number as usize]);
+            let (shell, fact) = (&mut self.shells[*number as usize], &mut facts[*number as usize]);
             let area = 0.5 * (b - a).cross(c - a).length();
             let volume = (a - fact.from).dot((b - fact.from).cross(c - fact.from)) / 6.0;
             shell.triangles += 1;
@@ -171,9 +170,10 @@ impl Shells {
             shell.closure = match facts.closed {
                 true if shell.volume.abs() <= shell.area * rounding => Closure::Flat,
                 true => Closure::Closed,
-                false if facts.border > 0.0
-                    && border <= HOLES * shell.area
-                    && shell.volume.abs() > shell.area * rounding =>
+                false
+                    if facts.border > 0.0
+                        && border <= HOLES * shell.area
+                        && shell.volume.abs() > shell.area * rounding =>
                 {
                     Closure::Holed
                 }
@@ -244,11 +244,16 @@ impl Shells {
         around: &[bool],
         flips: &[bool],
     ) -> bool {
-        let Some(first) = self.of.iter().position(|&of| of as usize == number) else { return false };
+        let Some(first) = self.of.iter().position(|&of| of as usize == number) else {
+            return false;
+        };
         let [a, b, c] = triangles[first].map(|p| p.as_dvec3());
         let from = (a + b + c) / 3.0;
-        let directions =
-            [DVec3::new(0.36, 0.48, 0.8), DVec3::new(-0.8, 0.36, -0.48), DVec3::new(0.48, -0.8, 0.36)];
+        let directions = [
+            DVec3::new(0.36, 0.48, 0.8),
+            DVec3::new(-0.8, 0.36, -0.48),
+            DVec3::new(0.48, -0.8, 0.36),
+        ];
         let inside = directions.map(|direction| {
             let ray = ShearedRay::new(from, direction);
             let mut left = 0i64;
@@ -404,7 +409,10 @@ impl Edges {
             for (i, (_, ends, triangle)) in turns.iter().enumerate() {
                 if !ends && round == 0 {
                     begun.push(*triangle);
-                } else if *ends && !ended[i] && let Some(first) = begun.pop() {
+                } else if *ends
+                    && !ended[i]
+                    && let Some(first) = begun.pop()
+                {
                     ended[i] = true;
                     pairs.push((first, *triangle));
                 }
@@ -502,8 +510,18 @@ mod tests {
             Vec3::new(pick(0), pick(1), pick(2))
         };
         [
-            [0, 2, 3], [0, 3, 1], [4, 5, 7], [4, 7, 6], [0, 1, 5], [0, 5, 4],
-            [2, 6, 7], [2, 7, 3], [0, 4, 6], [0, 6, 2], [1, 3, 7], [1, 7, 5],
+            [0, 2, 3],
+            [0, 3, 1],
+            [4, 5, 7],
+            [4, 7, 6],
+            [0, 1, 5],
+            [0, 5, 4],
+            [2, 6, 7],
+            [2, 7, 3],
+            [0, 4, 6],
+            [0, 6, 2],
+            [1, 3, 7],
+            [1, 7, 5],
         ]
         .map(|t| t.map(p))
         .to_vec()
@@ -526,7 +544,9 @@ mod tests {
         let mut result = Vec::new();
         for list in lists {
             let shell = found.shell(at).unwrap();
-            assert!((at..at + list.len()).all(|i| found.shell(i).unwrap().closure == shell.closure));
+            assert!(
+                (at..at + list.len()).all(|i| found.shell(i).unwrap().closure == shell.closure)
+            );
             result.push((shell.closure, shell.turned));
             at += list.len();
         }
@@ -567,8 +587,11 @@ mod tests {
         let mut sphere = Vec::new();
         for i in 0..n {
             for j in 0..n {
-                let [a, b, c, d] = [point(i, j), point(i, j + 1), point(i + 1, j), point(i + 1, j + 1)];
-                sphere.extend([[a, c, d], [a, d, b]].into_iter().filter(|t| t[0] != t[2] && t[1] != t[2]));
+                let [a, b, c, d] =
+                    [point(i, j), point(i, j + 1), point(i + 1, j), point(i + 1, j + 1)];
+                sphere.extend(
+                    [[a, c, d], [a, d, b]].into_iter().filter(|t| t[0] != t[2] && t[1] != t[2]),
+                );
             }
         }
         assert_eq!(shells(&[sphere.clone()]), [(Closure::Closed, 0)]);

@@ -64,7 +64,8 @@ pub(super) fn measure(meshes: &[Mesh], instances: &mut [Instance]) {
             window: 0.0,
         };
     }
-    let largest = |f: fn(&Misfit) -> f64| instances.iter().map(|i| f(&i.misfit)).fold(0.0, f64::max);
+    let largest =
+        |f: fn(&Misfit) -> f64| instances.iter().map(|i| f(&i.misfit)).fold(0.0, f64::max);
     let (file, rounding) = (largest(|m| m.file), largest(|m| m.rounding));
     for Instance { misfit, .. } in instances {
         let of_files = (misfit.file + file).min(misfit.size * GAP);
@@ -249,7 +250,8 @@ impl Surfaces {
                 (next.or_else(|| stack.iter().find(of(Kind::Entered))), true)
             }
             Kind::Opaque => {
-                let next = beyond.filter(of(Kind::Opaque)).or_else(|| stack.iter().find(of(Kind::Sheer)));
+                let next =
+                    beyond.filter(of(Kind::Opaque)).or_else(|| stack.iter().find(of(Kind::Sheer)));
                 (next.or(beyond), true)
             }
         };
@@ -403,9 +405,8 @@ fn digest(material: &Material) -> u64 {
     let texels = textures.into_iter().flatten().flat_map(|texture| {
         let [width, height] = texture.image.size();
         let at = |i: u32, n: u32| (u64::from(n) * u64::from(i) / u64::from(SIDE)) as u32;
-        (0..SIDE * SIDE).map(move |i| {
-            texture.image.texel(at(i % SIDE, width), at(i / SIDE, height)).to_array()
-        })
+        (0..SIDE * SIDE)
+            .map(move |i| texture.image.texel(at(i % SIDE, width), at(i / SIDE, height)).to_array())
     });
     let numbers = [
         material.base_color.to_array().as_slice(),
@@ -425,11 +426,13 @@ fn digest(material: &Material) -> u64 {
             material.sheen_roughness,
             f32::from(u8::from(material.double_sided)),
         ],
-        material.interior.map_or([0.0; 7], |i| {
-            let (a, s) = (i.sigma_a, i.sigma_s);
-            [a.x, a.y, a.z, s.x, s.y, s.z, i.g]
-        })
-        .as_slice(),
+        material
+            .interior
+            .map_or([0.0; 7], |i| {
+                let (a, s) = (i.sigma_a, i.sigma_s);
+                [a.x, a.y, a.z, s.x, s.y, s.z, i.g]
+            })
+            .as_slice(),
     ]
     .concat();
     let bytes = numbers.into_iter().chain(texels.flatten()).flat_map(f32::to_le_bytes);
@@ -454,8 +457,10 @@ mod tests {
     /// A square in the plane z = 0 with its front upwards, and a box below it.
     fn mesh(material: u32, solid: bool, half: f32, boxed: bool, materials: &[Material]) -> Mesh {
         let p = |x: f32, y: f32, z: f32| Vec3::new(x * half, y * half, z * half);
-        let mut corners =
-            vec![[p(-1., -1., 0.), p(1., -1., 0.), p(1., 1., 0.)], [p(-1., -1., 0.), p(1., 1., 0.), p(-1., 1., 0.)]];
+        let mut corners = vec![
+            [p(-1., -1., 0.), p(1., -1., 0.), p(1., 1., 0.)],
+            [p(-1., -1., 0.), p(1., 1., 0.), p(-1., 1., 0.)],
+        ];
         if boxed {
             let ring = [p(-1., -1., 0.), p(1., -1., 0.), p(1., 1., 0.), p(-1., 1., 0.)];
             let tip = p(0., 0., -2.);
@@ -516,9 +521,7 @@ mod tests {
             );
             // What each is: size, whether a body, whether on the upper side.
             let items: Vec<(f32, bool, bool)> = (0..n)
-                .map(|i| {
-                    (1.0 + i as f32 * 0.37, number(&mut rng) < 0.6, number(&mut rng) < 0.5)
-                })
+                .map(|i| (1.0 + i as f32 * 0.37, number(&mut rng) < 0.6, number(&mut rng) < 0.5))
                 .collect();
             let build = |order: &[usize]| {
                 let meshes = order.iter().map(|&i| {
@@ -526,10 +529,17 @@ mod tests {
                     mesh((i % 2) as u32, body, half, body, &materials)
                 });
                 let placed = order.iter().enumerate().map(|(k, &i)| {
-                    let turn = if items[i].2 { DMat3::from_rotation_x(std::f64::consts::PI) } else { DMat3::IDENTITY };
+                    let turn = if items[i].2 {
+                        DMat3::from_rotation_x(std::f64::consts::PI)
+                    } else {
+                        DMat3::IDENTITY
+                    };
                     (k, String::new(), frame * DAffine3::from_mat3(turn))
                 });
-                Surfaces::new(materials.to_vec(), meshes.collect(), placed.collect()).unwrap().0.unwrap()
+                Surfaces::new(materials.to_vec(), meshes.collect(), placed.collect())
+                    .unwrap()
+                    .0
+                    .unwrap()
             };
             let order: Vec<usize> = (0..n).collect();
             let reversed: Vec<usize> = order.iter().rev().copied().collect();

@@ -287,9 +287,11 @@ mod tests {
         other.push([a, a, b]);
         assert!(is_closed(&other));
         // Another body that touches it in a face.
-        let twice: Vec<[Vec3; 3]> = other.iter().copied().chain(
-            [[b, c, d], [b, Vec3::ONE, c], [c, Vec3::ONE, d], [d, Vec3::ONE, b]]
-        ).collect();
+        let twice: Vec<[Vec3; 3]> = other
+            .iter()
+            .copied()
+            .chain([[b, c, d], [b, Vec3::ONE, c], [c, Vec3::ONE, d], [d, Vec3::ONE, b]])
+            .collect();
         assert!(is_closed(&twice));
         // A fin on an edge.
         other.push([a, b, Vec3::splat(5.0)]);
