@@ -276,7 +276,7 @@ fn open_and_turned_meshes_end_with_a_warning() {
         ("holed", sphere(DVec3::ZERO, 1.0, 12)[1..].to_vec(), scattering([1.0; 3]), "small holes"),
     ] {
         let item = Item { name, ..Item::new(triangles, material) };
-        let found = load(&[item.clone()], json!({}));
+        let found = load(std::slice::from_ref(&item), json!({}));
         assert_eq!(found.warnings.len(), 1, "{name}: {:?}", found.warnings);
         let warning = &found.warnings[0];
         let names =

@@ -594,9 +594,9 @@ mod tests {
                 );
             }
         }
-        assert_eq!(shells(&[sphere.clone()]), [(Closure::Closed, 0)]);
+        assert_eq!(shells(std::slice::from_ref(&sphere)), [(Closure::Closed, 0)]);
         let holed = sphere[1..].to_vec();
-        assert_eq!(shells(&[holed.clone()]), [(Closure::Holed, 0)]);
+        assert_eq!(shells(std::slice::from_ref(&holed)), [(Closure::Holed, 0)]);
         let number = holed.len() as u32;
         assert_eq!(shells(&[turned(holed)]), [(Closure::Holed, number)]);
         assert_eq!(shells(&[sphere[sphere.len() / 2..].to_vec()]), [(Closure::Open, 0)]);
