@@ -277,7 +277,7 @@ fn open_and_turned_meshes_end_with_a_warning() {
         ("holed", sphere(DVec3::ZERO, 1.0, 12)[1..].to_vec(), scattering([1.0; 3]), "small holes"),
     ] {
         let item = Item { name, ..Item::new(triangles, material) };
-        let found = load(&[item.clone()], json!({}));
+        let found = load(std::slice::from_ref(&item), json!({}));
         assert_eq!(found.warnings.len(), 1, "{name}: {:?}", found.warnings);
         let warning = &found.warnings[0];
         let names =
@@ -475,12 +475,13 @@ impl Arrangement {
 /// Two hundred random arrangements, each at a random scale, turn and place: every sample (same seed) is what it is with a gap of 1e-5 of the scene's size, and
 /// with the nodes in another order, but for paths that run into an edge or a gap; a gap of 1e-4 agrees as well.
 ///
-/// Per ray, no statistics: a share of at most 0.5 % of the samples of all arrangements, and 3 % of each, may differ by more than 1e-3 (seen: see the test's output). On
-/// a wrong order of faces whole pictures differ: with the first of equally near hits instead, a third of all samples did.
+/// Without fog per ray, no statistics: at most 0.5 % of the samples of all arrangements (2 % at the wider gap) and 5 % of each may differ by more than 1e-3 (1e-2). With fog (a
+/// quarter) by the mean: null hypothesis equal means, |z| < 5 on 3 means, false alarm 2e-6; the standard error is some percent, a wrong order of faces changes
+/// pictures by tens of percents.
 #[test]
 fn random_arrangements_agree_with_a_gap() {
     let mut rng = Pcg32::new(77, 1);
-    let (mut differ, mut all) = ([0usize; 3], 0usize);
+    let (mut differ, mut foggy, mut all) = ([0usize; 3], [[0.0f64; 3]; 3], 0usize);
     for number in 0..200 {
         let arrangement = Arrangement::random(&mut rng);
         let mut u = || f64::from(uniform(&mut rng));
@@ -488,7 +489,7 @@ fn random_arrangements_agree_with_a_gap() {
         let scale = (10.0f64).powf(4.0 * u() - 2.0) as f32;
         let place = DVec3::new(u(), u(), u()) * f64::from(scale) * 5.0;
         let (turn, place) = (turn.as_quat(), place.as_vec3());
-        let root = json!({"rotation": turn.to_array(), "translation": place.to_array(), "scale": [scale; 3]});
+        let root = json!({"rotation": turn.to_array(), "translation": place.to_array(), "scale": [scale, scale, scale]});
         let to_world = DAffine3::from_scale_rotation_translation(
             DVec3::splat(f64::from(scale)),
             turn.as_dquat(),
@@ -526,16 +527,35 @@ fn random_arrangements_agree_with_a_gap() {
         let pictures = [(0.0, &order), (3e-5, &order), (0.0, &other), (3e-4, &order)]
             .map(|(gap, order)| image(gap, order));
         let [touching, others @ ..] = &pictures;
-        for (other, differ) in others.iter().zip(&mut differ) {
-            let pairs = touching.iter().zip(other);
-            let count = pairs.filter(|(a, b)| (*a - *b).abs() > 1e-3 * (1.0 + a.abs())).count();
-            *differ += count;
-            if count * 100 > touching.len() {
-                println!("{number}: {count} of {} differ", touching.len());
+        if arrangement.fog {
+            // A flight over a gap of no width draws nothing, one over a gap does: paths are others.
+            for (other, foggy) in others.iter().zip(&mut foggy) {
+                for (a, b) in touching.iter().zip(other) {
+                    let apart = f64::from(a - b);
+                    foggy[0] += apart;
+                    foggy[1] += apart * apart;
+                    foggy[2] += f64::from(*a);
+                }
             }
-            assert!(count * 100 <= 100 * touching.len(), "{number}: {count} of {}", touching.len());
+            continue;
+        }
+        // A wide gap takes some length from every body.
+        let names = [("gap", 1e-3), ("order", 1e-3), ("wide gap", 1e-2)];
+        for ((other, differ), (name, least)) in others.iter().zip(&mut differ).zip(names) {
+            let pairs = touching.iter().zip(other);
+            let count = pairs.filter(|(a, b)| (*a - *b).abs() > least * (1.0 + a.abs())).count();
+            *differ += count;
+            if count > 0 {
+                println!("{number}: {count} of {} differ by {name}", touching.len());
+            }
+            assert!(count * 20 <= touching.len(), "{number}, {name}: {count}");
         }
         all += touching.len();
+    }
+    for [sum, squares, total] in foggy {
+        let z = sum / squares.sqrt().max(1e-3 * total);
+        println!("in fog: differences {sum:.2} of {total:.0}, z {z:.2}");
+        assert!(z.abs() < 5.0, "{sum} {squares}");
     }
     println!("of {all} samples differ by a gap of 1e-5, the order, a gap of 1e-4: {differ:?}");
     assert!(differ[0] * 200 < all && differ[1] * 200 < all && differ[2] * 50 < all, "{differ:?}");

@@ -93,7 +93,7 @@ pub(crate) fn load(
         let number = match numbers.get(&key) {
             Some(number) => *number,
             None => {
-                loader.node.clone_from(&node.name);
+                loader.node = called(&node.name, node.node);
                 let number = loader.mesh(node.mesh, &pose)?.map(|mesh| {
                     meshes.push(mesh);
                     meshes.len() - 1
@@ -153,7 +153,7 @@ struct Loader<'a> {
     without_area: u64,
     /// Materials that bound bodies by [`GlassRule::ClosedMeshesAreSolid`], with their mesh.
     made_solid: Vec<(String, String)>,
-    /// Name of the first node of the mesh that is being read.
+    /// The first node of the mesh that is being read, as it is called.
     node: String,
     /// Surfaces that do not bound bodies as they should.
     doubts: Vec<Doubt>,
@@ -314,7 +314,7 @@ impl Loader<'_> {
             self.materials.get(material as usize).map_or(String::new(), |m| m.name.clone())
         };
         self.made_solid.extend(solid_materials.into_iter().map(|m| (named(m), name.to_owned())));
-        let mesh = if name.is_empty() { format!("{index}") } else { format!("`{name}`") };
+        let mesh = called(name, index);
         // One warning for all shells of a material with the same fault.
         let mut by_fault: BTreeMap<(u32, Wrong), u32> = BTreeMap::new();
         for ((material, _), (wrong, count)) in doubts {
@@ -326,7 +326,8 @@ impl Loader<'_> {
             *sum = sum.saturating_add(more);
         }
         for ((material, what), triangles) in by_fault {
-            let (mesh, node, material) = (mesh.clone(), self.node.clone(), named(material));
+            let (mesh, node) = (mesh.clone(), self.node.clone());
+            let material = called(&named(material), material as usize);
             self.doubts.push(Doubt { mesh, node, material, what, triangles });
         }
         Some(shells.are_closed())
@@ -473,7 +474,7 @@ impl Loader<'_> {
             .take(MOST_NAMED)
             .map(|Doubt { mesh, node, material, what, triangles }| {
                 let body = format!(
-                    "mesh {mesh} of node `{node}`: {triangles} triangles of material `{material}`"
+                    "mesh {mesh} of node {node}: {triangles} triangles of material {material}"
                 );
                 let thin = "so they are taken for a thin wall with nothing inside";
                 match what {
@@ -517,6 +518,11 @@ impl Loader<'_> {
         }
         notes
     }
+}
+
+/// A thing's name in quotes, or its number in the file if it has none.
+fn called(name: &str, number: usize) -> String {
+    if name.is_empty() { number.to_string() } else { format!("`{name}`") }
 }
 
 fn is_surface(mode: Mode) -> bool {

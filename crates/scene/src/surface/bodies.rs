@@ -56,34 +56,45 @@ impl Shells {
         let edges = Edges::new(triangles);
         let kept = edges.peeled();
         let mut forest = Forest::new(triangles.len());
-        // Of closed shells: edges at which an odd number of triangles meet, and those that have no sides.
+        // Of closed shells: edges at which triangles meet that do not bound anything together, and those that have no sides.
         let (mut odd, mut one_sided, mut open) = (Vec::new(), Vec::new(), Vec::new());
+        let mut around: Vec<(u32, bool)> = Vec::new();
         for edge in edges.groups() {
-            let mut ends: [Option<(u32, bool)>; 2] = [None; 2];
-            let (mut count, mut last) = (0, 0);
-            let pair = edge.iter().filter(|(_, use_)| kept[(use_ >> 1) as usize]).count() == 2;
+            around.clear();
+            let mut sheet: Option<u32> = None;
             for &(_, used) in edge {
-                let (triangle, along) = (used >> 1, used & 1 == 1);
-                let closed = kept[triangle as usize];
-                let slot = &mut ends[usize::from(closed)];
-                if closed {
-                    (count, last) = (count + 1, triangle);
+                let triangle = used >> 1;
+                if kept[triangle as usize] {
+                    around.push((triangle, used & 1 == 1));
+                } else if let Some(first) = sheet {
+                    forest.join(first, triangle, false);
+                } else {
+                    sheet = Some(triangle);
                 }
-                let Some((first, direction)) = *slot else {
-                    *slot = Some((triangle, along));
-                    continue;
-                };
-                // Neighbours run along their edge in opposite directions. Where more than two meet, the file is believed.
-                let turned = closed && pair && direction == along;
-                if !forest.join(first, triangle, turned) && pair && closed {
-                    one_sided.push(triangle);
-                }
-            }
-            if count % 2 == 1 {
-                odd.push(last);
             }
             if let [(key, used)] = edge {
                 open.push((used >> 1, edges.length(*key)));
+            }
+            match around.as_slice() {
+                [] => {}
+                // Neighbours run along their edge in opposite directions.
+                &[(a, along), (b, other)] => {
+                    if !forest.join(a, b, along == other) {
+                        one_sided.push(a);
+                    }
+                }
+                // Where more meet, the file is believed.
+                all => match edges.wedges(triangles, edge[0].0, all) {
+                    Some(pairs) => pairs.into_iter().for_each(|(a, b)| {
+                        forest.join(a, b, false);
+                    }),
+                    None => {
+                        odd.push(all[0].0);
+                        all.windows(2).for_each(|pair| {
+                            forest.join(pair[0].0, pair[1].0, false);
+                        });
+                    }
+                },
             }
         }
         let mut found = Self { shells: Vec::new(), of: Vec::new(), turned: Vec::new() };
@@ -355,6 +366,61 @@ impl Edges {
         (b - a).length()
     }
 
+    /// Pairs of the triangles around an edge between which a body lies, seen along the edge: the shells that touch there. `None` if they do not pair.
+    fn wedges(
+        &self,
+        triangles: &[[Vec3; 3]],
+        key: u64,
+        around: &[(u32, bool)],
+    ) -> Option<Vec<(u32, u32)>> {
+        /// Angles that are equal but for rounding, in radians.
+        const SAME: f64 = 1e-5;
+        let [a, b] = [key >> 32, key & 0xffff_ffff].map(|v| self.places[v as usize].as_dvec3());
+        let axis = (b - a).try_normalize()?;
+        let arm = |triangle: u32| {
+            // Of the three corners the one off the edge.
+            let corners = triangles[triangle as usize].map(|p| p.as_dvec3() - a);
+            let off = corners.map(|p| p - axis * axis.dot(p));
+            let far = |p: &&DVec3| p.length_squared();
+            off.iter().max_by(|p, q| far(p).total_cmp(&far(q))).copied().unwrap_or(DVec3::ZERO)
+        };
+        let x = arm(around.first()?.0).try_normalize()?;
+        let y = axis.cross(x);
+        let mut turns: Vec<(f64, bool, u32)> = around
+            .iter()
+            .map(|&(triangle, along)| {
+                let arm = arm(triangle);
+                let angle = libm::atan2(arm.dot(y), arm.dot(x));
+                let angle = if angle < -SAME { angle + std::f64::consts::TAU } else { angle };
+                (angle, along, triangle)
+            })
+            .collect();
+        turns.sort_by(|p, q| p.0.total_cmp(&q.0));
+        // A triangle that runs upwards has its back, where its body is, on the side of smaller angles: there the body ends. Of those in one place
+        // bodies end before others begin.
+        for place in turns.chunk_by_mut(|p, q| q.0 - p.0 < SAME) {
+            place.sort_by_key(|(_, ends, triangle)| (!ends, *triangle));
+        }
+        let mut begun: Vec<u32> = Vec::new();
+        let mut pairs = Vec::new();
+        let mut ended = vec![false; turns.len()];
+        // Twice around, for bodies across the first angle.
+        for round in 0..2 {
+            for (i, (_, ends, triangle)) in turns.iter().enumerate() {
+                if !ends && round == 0 {
+                    begun.push(*triangle);
+                } else if *ends
+                    && !ended[i]
+                    && let Some(first) = begun.pop()
+                {
+                    ended[i] = true;
+                    pairs.push((first, *triangle));
+                }
+            }
+        }
+        (2 * pairs.len() == turns.len()).then_some(pairs)
+    }
+
     /// Which triangles are left when those with an open edge are taken away, again and again: what
     /// bounds something, without the sheets that hang on it.
     fn peeled(&self) -> Vec<bool> {
@@ -528,9 +594,9 @@ mod tests {
                 );
             }
         }
-        assert_eq!(shells(&[sphere.clone()]), [(Closure::Closed, 0)]);
+        assert_eq!(shells(std::slice::from_ref(&sphere)), [(Closure::Closed, 0)]);
         let holed = sphere[1..].to_vec();
-        assert_eq!(shells(&[holed.clone()]), [(Closure::Holed, 0)]);
+        assert_eq!(shells(std::slice::from_ref(&holed)), [(Closure::Holed, 0)]);
         let number = holed.len() as u32;
         assert_eq!(shells(&[turned(holed)]), [(Closure::Holed, number)]);
         assert_eq!(shells(&[sphere[sphere.len() / 2..].to_vec()]), [(Closure::Open, 0)]);
@@ -544,6 +610,9 @@ mod tests {
         // A hollow cube; one that is inside out with a cube inside of it.
         assert_eq!(shells(&[cube.clone(), turned(inner.clone())]), [(Closed, 0), (Closed, 0)]);
         assert_eq!(shells(&[turned(cube.clone()), inner.clone()]), [(Closed, 12), (Closed, 0)]);
+        // A cavity that is filled to its wall by a body of the same mesh.
+        let filled = [cube.clone(), turned(inner.clone()), inner.clone()];
+        assert_eq!(shells(&filled), [(Closed, 0); 3]);
         // Beside, not inside.
         let away = cuboid(Vec3::splat(2.0), Vec3::splat(3.0));
         assert_eq!(shells(&[cube.clone(), turned(away)]), [(Closed, 0), (Closed, 12)]);

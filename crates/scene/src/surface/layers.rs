@@ -397,8 +397,17 @@ fn placed_size(to_world: &DAffine3, size: DVec3) -> f64 {
     sides.iter().map(|side| side.length_squared()).sum::<f64>().sqrt()
 }
 
-/// A number made from a material's values, textures left out (FNV-1a).
+/// A number made from a material's values and from some texels of its colours (FNV-1a).
 fn digest(material: &Material) -> u64 {
+    /// Texels along each axis.
+    const SIDE: u32 = 8;
+    let textures = [&material.base_color_texture, &material.emission_texture];
+    let texels = textures.into_iter().flatten().flat_map(|texture| {
+        let [width, height] = texture.image.size();
+        let at = |i: u32, n: u32| (u64::from(n) * u64::from(i) / u64::from(SIDE)) as u32;
+        (0..SIDE * SIDE)
+            .map(move |i| texture.image.texel(at(i % SIDE, width), at(i / SIDE, height)).to_array())
+    });
     let numbers = [
         material.base_color.to_array().as_slice(),
         material.emission.to_array().as_slice(),
@@ -426,7 +435,7 @@ fn digest(material: &Material) -> u64 {
             .as_slice(),
     ]
     .concat();
-    let bytes = numbers.into_iter().flat_map(f32::to_le_bytes);
+    let bytes = numbers.into_iter().chain(texels.flatten()).flat_map(f32::to_le_bytes);
     bytes.fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
         (hash ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3)
     })
