@@ -404,7 +404,7 @@ fn broken_accessors_are_named() {
         ("/accessors/0", "Vec3 of U16", |f| replace(&mut f.accessors[0], "5126", "5123")),
         ("/accessors/0", "VEC", |f| replace(&mut f.accessors[0], "VEC3", "SCALAR")),
         ("/accessors/1", "indices are unsigned", |f| replace(&mut f.accessors[1], "5123", "5126")),
-        ("/accessors/1", "index 5 is 9", |f| {
+        ("/accessors/1", "index 5 is beyond", |f| {
             let end = f.bin.len() - 2;
             f.bin[end] = 9;
         }),
