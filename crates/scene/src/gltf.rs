@@ -633,9 +633,10 @@ impl Walk<'_> {
                 && node.children.as_ref().is_none_or(Vec::is_empty);
             return Ok(());
         }
+        let shown = if name.is_empty() { format!("node {index}") } else { name.clone() };
         if node.mesh.is_some_and(|mesh| self.is_quantised(mesh.value())) {
             self.scene.warnings.push(format!(
-                "node `{name}` holds a volume or a light beside a mesh with quantised positions: \
+                "node `{shown}` holds a volume or a light beside a mesh with quantised positions: \
                  tools that quantise a mesh move and scale its node, and all that is on it; give \
                  the volume or light a node of its own before"
             ));
@@ -652,7 +653,7 @@ impl Walk<'_> {
             ));
         }
         if let Some(light) = light {
-            self.light(&name, light.light.value(), &places)?;
+            self.light(&shown, light.light.value(), &places)?;
         }
         if let Some((spec, pointer)) = volume {
             let place = self.document.place(&pointer);
@@ -660,7 +661,7 @@ impl Walk<'_> {
             for to_world in places {
                 // As meshes: what has no extent is not seen.
                 if !to_world.matrix3.determinant().is_normal() {
-                    self.flat.push(name.clone());
+                    self.flat.push(shown.clone());
                     continue;
                 }
                 self.scene.volumes.push(GltfVolume {

@@ -74,6 +74,19 @@ impl<'a> Buffers<'a> {
         Ok(())
     }
 
+    /// Whether the data of an accessor are nowhere: glTF allows buffers that name no file (2.0,
+    /// section 3.6.1.2), which other programs may know how to fill.
+    pub(crate) fn lacks_data(&self, accessor: usize) -> bool {
+        let view = self.root.accessors.get(accessor).and_then(|accessor| accessor.buffer_view);
+        let view = view.and_then(|view| self.root.buffer_views.get(view.value()));
+        view.is_some_and(|view| {
+            let index = view.buffer.value();
+            let buffer = self.root.buffers.get(index);
+            let in_chunk = index == 0 && self.bin.is_some();
+            buffer.is_some_and(|buffer| buffer.uri.is_none()) && !in_chunk
+        })
+    }
+
     /// The bytes that a URI of the file means: decoded data, or a file to be read.
     pub(crate) fn resource(&self, uri: &str, pointer: &str) -> Result<Resource, Error> {
         if let Some(rest) = data_of_uri(uri) {

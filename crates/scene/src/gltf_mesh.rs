@@ -79,6 +79,7 @@ pub(crate) fn load(
         rule,
         triangles: 0,
         without_area: 0,
+        without_data: 0,
         made_solid: Vec::new(),
         node: String::new(),
         doubts: Vec::new(),
@@ -151,6 +152,8 @@ struct Loader<'a> {
     rule: GlassRule,
     triangles: u64,
     without_area: u64,
+    /// Primitives whose buffers name no file.
+    without_data: u64,
     /// Materials that bound bodies by [`GlassRule::ClosedMeshesAreSolid`], with their mesh.
     made_solid: Vec<(String, String)>,
     /// The first node of the mesh that is being read, as it is called.
@@ -354,6 +357,12 @@ impl Loader<'_> {
                 "export without compression",
             ));
         }
+        let indices = primitive.indices.iter();
+        let mut used = primitive.attributes.values().chain(indices).map(|index| index.value());
+        if used.any(|accessor| self.buffers.lacks_data(accessor)) {
+            self.without_data += 1;
+            return Ok(None);
+        }
         let mode = match primitive.mode {
             Checked::Valid(mode) if is_surface(mode) => mode,
             Checked::Valid(_) => return Ok(None),
@@ -512,6 +521,14 @@ impl Loader<'_> {
                 "material `{material}` fills closed meshes (`{mesh}`): it bends light, although \
                  without KHR_materials_volume glTF takes it for a thin wall"
             ));
+        }
+        if self.without_data > 0 {
+            tracing::warn!(
+                "{}: {} primitives of meshes are left out: their buffers have neither a `uri` nor a \
+                 binary chunk",
+                self.buffers.document.path().display(),
+                self.without_data
+            );
         }
         if self.without_area > 0 {
             notes.push(format!("{} triangles have no area and are left out", self.without_area));
