@@ -145,7 +145,7 @@ fn files_of_users_are_not_part_of_the_plan() {
     }
     std::fs::create_dir(here.join("crates")).expect("a folder");
     for name in ["README.md", "crates/a.rs", ".gitignore", "cumulus.exr", "cumulus.stats.json"] {
-        std::fs::write(here.join(name), name).expect("a file");
+        std::fs::write(here.join(name), "").expect("a file");
     }
     assert!(git(&["add", "README.md", "crates", ".gitignore"]));
     assert_eq!(tracked(here), Some(vec!["README.md".to_owned(), "crates".to_owned()]));

@@ -38,7 +38,7 @@ pub fn write_atomically<T>(
 /// # Errors
 /// As [`write_atomically`].
 pub fn check_writable(path: &Path, bytes: u64) -> Result<(), Error> {
-    const ZEROS: [u8; 1 << 16] = [0; 1 << 16];
+    static ZEROS: [u8; 1 << 16] = [0; 1 << 16];
     let mut temporary = begin(path)?;
     let mut fill = || {
         let Some(file) = &mut temporary.file else { return Ok(()) };

@@ -462,10 +462,12 @@ fn not_in_this_version(job: &Job, places: &Places) -> Result<(), Failure> {
 
 /// The direction of a vector of any length; `None` if it has none.
 fn direction(vector: [f64; 3]) -> Option<DVec3> {
-    // Squares of very large or small numbers are not finite or zero.
     let vector = DVec3::from_array(vector);
-    let largest = vector.abs().max_element();
-    (largest > 0.0 && largest.is_finite()).then(|| vector / largest)?.try_normalize()
+    vector.try_normalize().or_else(|| {
+        // Squares of very large or small numbers are not finite or zero.
+        let largest = vector.abs().max_element();
+        (largest > 0.0 && largest.is_finite()).then(|| vector / largest)?.try_normalize()
+    })
 }
 
 /// Adds the place in the job to an error that names only the file.
@@ -906,8 +908,14 @@ fn clear_sky(light: &LightSpec, pointer: &str, places: &Places) -> Result<ClearS
     {
         sky = ClearSky {
             to_sun: match (to_sun, elevation, azimuth) {
-                // What has no direction is refused below.
-                (Some(to_sun), None, None) => direction(*to_sun).unwrap_or_default(),
+                (Some(to_sun), None, None) => {
+                    let to_sun = DVec3::from_array(*to_sun);
+                    // What has no direction is refused below.
+                    to_sun.try_normalize().map_or_else(
+                        || direction(to_sun.to_array()).unwrap_or_default(),
+                        |_| to_sun,
+                    )
+                }
                 (None, Some(degrees), azimuth) => {
                     if !(-90.0..=90.0).contains(degrees) {
                         return Err(places.invalid(

@@ -171,7 +171,7 @@ impl Generator {
         }
         for volume in job.get_mut("volumes").and_then(Value::as_array_mut).into_iter().flatten() {
             let keys = volume.as_object_mut().unwrap();
-            if self.next() % 2 == 0 {
+            if self.one_in(2) {
                 keys.retain(|key, _| {
                     !["density", "interpolation", "frame", "emission", "vdb"]
                         .contains(&key.as_str())
@@ -184,7 +184,7 @@ impl Generator {
                 keys.insert("frame".into(), json!(3));
             }
             keys.remove("law_mixture");
-            if self.next() % 4 > 0 {
+            if !self.one_in(4) {
                 keys.remove("phase");
             }
         }
