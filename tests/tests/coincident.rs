@@ -185,8 +185,7 @@ fn touching_boxes_absorb_one_after_the_other() {
     let color = [0.5f32, 0.7, 0.9];
     for size in [1.0f32, 0.3, 0.7] {
         let unit = cube(0.5);
-        let place =
-            |k: i32| json!({"translation": [0.0, 0.0, size * k as f32], "scale": [size; 3]});
+        let place = |k: i32| json!({"translation": [0.0, 0.0, size * k as f32], "scale": [size, size, size]});
         let order = [[0, 1, 2], [2, 0, 1], [1, 2, 0]];
         let mut lists: Vec<Vec<Item>> = order
             .iter()
