@@ -307,9 +307,9 @@ fn check(row: Row, number: u64) -> Option<String> {
     let relative = |found: &[[f64; 2]; 3]| {
         found.iter().zip(expected).map(|(f, e)| f[1] / e).fold(0.0, f64::max)
     };
-    let pilot = 1024u64;
+    let pilot = 2048u64;
     let first = measure(&scene, &settings(pilot, 2 * number + 1));
-    let wanted = relative(&first) / (0.8 * POWER);
+    let wanted = relative(&first) / (0.75 * POWER);
     let spp = (pilot as f64 * wanted * wanted).ceil().clamp(256.0, 2e6) as u64;
     let found = measure(&scene, &settings(spp, 2 * number + 2));
     let mut worst = 0.0f64;

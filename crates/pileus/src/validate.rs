@@ -6,7 +6,7 @@
 
 use std::cmp::Ordering;
 
-use pileus_scene::schema_rule::{FRAME, LATER, ONE_RUN};
+use pileus_scene::schema_rule::{LATER, ONE_RUN};
 use serde_json::{Map, Number, Value};
 
 use crate::job_rules::{EXR, FILE, MAJORANTS, PNG};
@@ -365,8 +365,6 @@ fn fits(pattern: &str, text: &str) -> Result<(), (&'static str, &'static str)> {
         EXR => file(Some("exr"), "name a file that ends in .exr"),
         PNG => file(Some("png"), "name a file that ends in .png"),
         FILE => file(None, "name a file"),
-        FRAME if name.contains('#') => Ok(()),
-        FRAME => Err(("has no `#`", "add one")),
         ONE_RUN => {
             let folder = text.len() - name.len();
             let after = name.trim_start_matches(|c| c != '#').trim_start_matches('#');

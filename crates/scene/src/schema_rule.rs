@@ -5,9 +5,6 @@
 
 use serde_json::{Value, json};
 
-/// Pattern: the file name (not its folder) has a `#`, which stands for a frame number.
-pub const FRAME: &str = "#[^/]*$";
-
 /// Pattern: the file name has one run of `#` at most.
 pub const ONE_RUN: &str = "^([^\\u0000]*/)?[^#/]*(#+[^#/]*)?$";
 

@@ -75,14 +75,6 @@ pub(crate) fn volume() -> Value {
             "the volume has both `law` and `law_mixture`",
             "keep one; a law can be a component of the mixture",
         ),
-        rule(
-            implies(
-                with("vdb", json!({ "type": "string", "pattern": crate::schema_rule::FRAME })),
-                given("frame"),
-            ),
-            "the name of the OpenVDB file needs a frame number for its `#`",
-            "add `\"frame\": ...` beside `vdb`",
-        ),
         later(
             not_both(with("phase", kind("sggx")), with("emission", kind("blackbody"))),
             "black bodies made of flakes would glow by direction, which is not modelled",

@@ -223,6 +223,28 @@ fn turned_normal_maps_reflect_the_known_light() {
 
 const NORMAL_TEXEL: [u8; 4] = [204, 128, 230, 255];
 
+/// Makes a pyramid of the square, so that it bounds a body: its tip is below.
+fn close(file: &mut Value) {
+    let tip = [0.0f32, 0.0, -1.0];
+    let sides = (0..4).flat_map(|i| [SQUARE[(i + 1) % 4], SQUARE[i], tip]);
+    let mut bytes: Vec<u8> = sides.flatten().flat_map(f32::to_le_bytes).collect();
+    bytes.resize(12 * 12 + 12 * 8, 0);
+    let count = |file: &Value, key: &str| file[key].as_array().unwrap().len();
+    let (buffer, view) = (count(file, "buffers"), count(file, "bufferViews"));
+    let accessor = count(file, "accessors");
+    let mut push = |key: &str, value: Value| file[key].as_array_mut().unwrap().push(value);
+    let uri = data(&bytes, "application/octet-stream");
+    push("buffers", json!({"byteLength": bytes.len(), "uri": uri}));
+    push("bufferViews", json!({"buffer": buffer, "byteLength": 144}));
+    push("bufferViews", json!({"buffer": buffer, "byteOffset": 144, "byteLength": 96}));
+    for (k, kind) in ["VEC3", "VEC2"].into_iter().enumerate() {
+        let view = view + k;
+        push("accessors", json!({"bufferView": view, "componentType": 5126, "type": kind, "count": 12}));
+    }
+    let sides = json!({"attributes": {"POSITION": accessor, "TEXCOORD_0": accessor + 1}, "material": 0});
+    file["meshes"][0]["primitives"].as_array_mut().unwrap().push(sides);
+}
+
 /// The medium inside of a wall of glass with these extensions.
 fn medium(extensions: Value, images: Value) -> (Interaction, GltfScene) {
     let mut extensions = extensions;
@@ -232,7 +254,9 @@ fn medium(extensions: Value, images: Value) -> (Interaction, GltfScene) {
     let textures: Vec<Value> =
         (0..images.as_array().unwrap().len()).map(|i| json!({"source": i})).collect();
     let more = json!({"images": images, "textures": textures});
-    let file = file(&Corners::default(), json!([{"name": "wax", "extensions": extensions}]), more);
+    let mut file =
+        file(&Corners::default(), json!([{"name": "wax", "extensions": extensions}]), more);
+    close(&mut file);
     let (scene, found) = parse(&file).unwrap();
     (below(&found.surfaces.unwrap(), 0.3, 0.2), scene)
 }

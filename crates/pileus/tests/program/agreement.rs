@@ -372,7 +372,6 @@ fn ranges_stand_in_the_schema() {
         ("/volumes/0", json!({})),
         ("/volumes/0/homogeneous", json!({ "sigma_t": 1 })),
         ("/volumes/0/vdb", json!("a.##.b.#.vdb")),
-        ("/volumes/0/vdb", json!("a.##.vdb")),
         ("/volumes/0/density/scale", json!(-1)),
         ("/volumes/0/albedo", json!(1.5)),
         ("/volumes/0/extinction", json!([1, -1, 1])),

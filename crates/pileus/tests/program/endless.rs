@@ -390,6 +390,7 @@ fn paths_without_end_are_cut_and_counted() {
         let arguments = ["render", "job.json", "--threads", threads, "--seed", seed, "--spp", "4"];
         let mut job = sphere_job();
         job["volumes"][0]["albedo"] = 1.into();
+        job["volumes"][0]["density"]["scale"] = 400.into();
         job["output"]["image"] = "out.exr".into();
         job["sampling"]["max_events"] = 24.into();
         let folder = crate::folder(&[("job.json", &job.to_string())]);
