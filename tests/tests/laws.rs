@@ -621,7 +621,7 @@ fn a_floor_is_shaded_by_the_law() {
         scene.surfaces = Some(surfaces(&[(floor.clone(), lambert([0.8; 3]))]));
         scene.lights.push(sun(to_sun, Vec3::splat(2.0), 0.0));
         // Samples enough for blocks in which one pixel alone sees an edge of the smoke.
-        let base = RenderSettings { max_bounces: Some(1), ..point_filter(512, 7) };
+        let base = RenderSettings { max_bounces: Some(1), ..point_filter(256, 7) };
         let image = rendered(&scene, &base);
         assert_expected(&law.to_string(), &image, |x, y| {
             let (o, d) = pixel_ray(&scene, x, y);

@@ -105,7 +105,7 @@ fn furnaces_stay_white_where_bounds_do_not_hold() {
                 scene.surfaces = Some(surfaces(&[(plane, lambert([1.0; 3]))]));
             }
             let settings =
-                RenderSettings { majorant_scale, ..point_filter(20_000, 9 + number as u64) };
+                RenderSettings { majorant_scale, ..point_filter(40_000, 9 + number as u64) };
             let [mean, error] = measure(&scene, &settings, "G");
             let z = (mean - 1.0) / error.max(1e-6);
             println!("{name}, sigma_t {sigma_t}, {majorant_scale}: {mean:.4} +- {error:.4}");
