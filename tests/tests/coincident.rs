@@ -2,6 +2,8 @@
 //!
 //! Faces in one place mean faces with a gap of no width: the same picture as with a gap of 1e-5 of the scene's size, whatever the order of nodes.
 
+#![allow(clippy::print_stdout, reason = "figures are worth reading beside a verdict")]
+
 use glam::{DAffine3, DQuat, DVec3, Vec3};
 use pileus_integrator::RenderSettings;
 use pileus_media::Phase;

@@ -373,7 +373,7 @@ impl Plan {
             volumes,
             reasons,
             not_modelled,
-            warnings: warnings::all(scene),
+            warnings: warnings::all(scene, settings),
         };
         Ok(plan)
     }

@@ -150,12 +150,48 @@ pub(crate) fn depth_of_a_voxel<'a>(media: impl Iterator<Item = &'a Medium>) -> O
 }
 
 /// All warnings that need no path.
-pub(crate) fn all(scene: &Scene) -> Vec<String> {
+pub(crate) fn all(scene: &Scene, settings: &RenderSettings) -> Vec<String> {
     let mut lines = Vec::new();
+    lines.extend(loose_weights(settings));
+    lines.extend(short_flights(scene));
     lines.extend(darkness(scene));
     lines.extend(out_of_sight(scene));
     lines.extend(enclosed(scene));
     lines
+}
+
+/// Majorants that are made not to hold: what follows is unbiased, and may be nothing but noise.
+fn loose_weights(settings: &RenderSettings) -> Option<String> {
+    let scale = settings.majorant_scale;
+    (scale < 1.0).then(|| {
+        format!(
+            "majorant_scale {scale}: bounds do not hold, and weights of flights and shadow rays have either sign; they grow exponentially with what exceeds the bounds, so that the picture may be noise alone"
+        )
+    })
+}
+
+/// Share of a mean free path that positions may be rounded by.
+const MAX_ROUNDING: f64 = 2.5e-3;
+
+/// Media so dense that paths cannot move in them: a flight is as short as the distance between the
+/// numbers that positions are stored in. Light is wrong there, by some percent at first.
+fn short_flights(scene: &Scene) -> Option<String> {
+    let camera = scene.camera.position();
+    let dense = scene.volumes.iter().filter(|volume| {
+        let sigma_t = match &*volume.medium {
+            Medium::Grid(grid) => f64::from(grid.scale()) * f64::from(grid.grid().range().1),
+            Medium::Homogeneous(medium) => f64::from(medium.scale()),
+        };
+        let corners = volume.medium.bounds_world();
+        let reach = corners.map_or(0.0, |(low, high)| low.abs().max(high.abs()).max_element());
+        sigma_t * reach.max((camera.abs()).max_element()) * f64::EPSILON > MAX_ROUNDING
+    });
+    let found = names(dense.map(|volume| volume.name.as_str()));
+    (!found.is_empty()).then(|| {
+        format!(
+            "volume {found}: mean free paths are as short as positions in double precision are rounded: its light is wrong (too bright, by some percent and more); a lower density looks the same"
+        )
+    })
 }
 
 /// What is known of volumes that none of `paths` paths has met, as camera path or shadow ray.

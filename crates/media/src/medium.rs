@@ -460,10 +460,11 @@ impl GridMedium {
     /// Calls `kernel` with the ray field of a span, compiled for each voxel type on the structure that every medium has by default.
     #[inline(always)]
     pub fn with_ray<K: FieldKernel>(&self, span: &Span, kernel: K) -> K::Output {
-        match self.any_ray(span) {
-            AnyGridRay::Half(ray) => kernel.run(ray),
-            AnyGridRay::Single(ray) => kernel.run(ray),
-            other => kernel.run(other),
+        // Not by way of `any_ray`: its rays are moved, and own memory in wide grids.
+        match (&self.grid.voxels, self.majorants.is_adaptive() && !self.is_wide()) {
+            (Voxels::Half(voxels), true) => kernel.run(self.ray(voxels, span)),
+            (Voxels::Single(voxels), true) => kernel.run(self.ray(voxels, span)),
+            _ => kernel.run(self.any_ray(span)),
         }
     }
 

@@ -259,11 +259,12 @@ pub enum FilterKind {
     BlackmanHarris,
 }
 
-/// Tells a key that is null, `Some(None)`, from one that is not there, `None`.
-fn null_or_value<'de, T: Deserialize<'de>, D: serde::Deserializer<'de>>(
+/// Tells a key that is null, `Some(None)`, from one that is not there, `None`; whole numbers may be
+/// written as 4.0.
+fn null_or_whole<'de, D: Deserializer<'de>>(
     deserializer: D,
-) -> Result<Option<Option<T>>, D::Error> {
-    Option::<T>::deserialize(deserializer).map(Some)
+) -> Result<Option<Option<u64>>, D::Error> {
+    whole::option(deserializer).map(Some)
 }
 
 /// How the image is sampled.
@@ -288,8 +289,8 @@ pub struct SamplingSpec {
     /// those of its shadow rays included. It ends paths that would not end by themselves, or after
     /// millions of events: in dense volumes that absorb nothing, in bodies whose mesh is open. The
     /// picture lacks their light; log, plan and metadata say how many were cut. null is unlimited.
-    #[serde(default, deserialize_with = "null_or_value", skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("default" = DEFAULT_MAX_EVENTS))]
+    #[serde(default, deserialize_with = "null_or_whole", skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("default" = DEFAULT_MAX_EVENTS, "minimum" = 1))]
     pub max_events: Option<Option<u64>>,
     /// How transmittance is estimated.
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -30,6 +30,11 @@ pub(crate) fn read(path: &Path, limit: u64) -> io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
+/// The text of a file of text, without the byte order mark that some programs begin it with.
+pub(crate) fn text_file(bytes: &[u8]) -> &[u8] {
+    bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes)
+}
+
 fn plain(metadata: &Metadata) -> io::Result<()> {
     if metadata.is_file() {
         return Ok(());

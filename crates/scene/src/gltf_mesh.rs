@@ -488,19 +488,19 @@ impl Loader<'_> {
                 let thin = "so they are taken for a thin wall with nothing inside";
                 match what {
                     Wrong::Open => format!(
-                        "{body} do not close, although KHR_materials_volume wants a body: what                          would be inside has no end, {thin}; close the mesh, or set                          thicknessFactor to 0"
+                        "{body} do not close, although KHR_materials_volume wants a body: what would be inside has no end, {thin}; close the mesh, or set thicknessFactor to 0"
                     ),
                     Wrong::Flat => format!(
-                        "{body} close without any room inside, although KHR_materials_volume                          wants a body: {thin}; give the mesh a thickness"
+                        "{body} close without any room inside, although KHR_materials_volume wants a body: {thin}; give the mesh a thickness"
                     ),
                     Wrong::Holed => format!(
-                        "{body} have small holes: they are taken for a body all the same, and                          light that passes a hole is wrong; close the mesh"
+                        "{body} have small holes: they are taken for a body all the same, and light that passes a hole is wrong; close the mesh"
                     ),
                     Wrong::InsideOut => format!(
-                        "{body} are inside out (their fronts face inwards): they were turned                          round; flip the normals of the mesh"
+                        "{body} are inside out (their fronts face inwards): they were turned round; flip the normals of the mesh"
                     ),
                     Wrong::Mixed(_) => format!(
-                        "{body} face the other way than their neighbours: they were turned                          round; make the normals of the mesh consistent"
+                        "{body} face the other way than their neighbours: they were turned round; make the normals of the mesh consistent"
                     ),
                 }
             })

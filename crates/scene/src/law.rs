@@ -70,7 +70,7 @@ fn table(path: &Path, asked_at: &dyn Fn() -> Place) -> Result<Table, Error> {
             "give a text file with an optical depth and a transmittance on each line",
         ));
     }
-    let text = std::str::from_utf8(&bytes)
+    let text = std::str::from_utf8(crate::file::text_file(&bytes))
         .map_err(|_| Error::invalid(asked(), "the text is not UTF-8", "save it as UTF-8"))?;
     Table::parse(text).map_err(|source| at(Place::file(path), source))
 }

@@ -129,7 +129,7 @@ fn read_table(path: &Path, asked_at: &Place) -> Result<Tabulated, Error> {
         let what = format!("the table is larger than {MAX_TABLE} bytes");
         return Err(Error::unsupported(named(), what, "leave out rows"));
     }
-    let text = std::str::from_utf8(&bytes)
+    let text = std::str::from_utf8(crate::file::text_file(&bytes))
         .map_err(|_| Error::invalid(named(), "the text is not UTF-8", "save it as UTF-8"))?;
     let (mut rows, mut lines) = (Vec::new(), Vec::new());
     let at_line = |line: usize| Place { line: Some(line), ..named() };
@@ -241,7 +241,7 @@ mod tests {
             std::fs::write(&path, text).unwrap();
             read_table(&path, &Place::part("a.json", "/phase/file"))
         };
-        let table = read(b"# comment\r\n\r\n0, 2 # peak\r\n90;1\n180\t1e-3\n").unwrap();
+        let table = read(b"\xef\xbb\xbf# comment\r\n\r\n0, 2 # peak\r\n90;1\n180\t1e-3\n").unwrap();
         assert_eq!(table.rows(), 3);
         assert!(table.mean_cosine() > 0.0);
         for (text, line) in [

@@ -151,6 +151,15 @@ impl VolumeLoader {
             }
         };
         let path = PathBuf::from(with_frame(vdb, spec.frame, &place("/vdb"))?);
+        if let Some(frame) = spec.frame
+            && path == Path::new(vdb)
+        {
+            self.note(format!(
+                "volume `{}`: frame {frame} stands nowhere in `{}`, which has no `#`",
+                name(request),
+                path.display()
+            ));
+        }
         let file = self.open(&path, &|| place("/vdb"))?;
         let vdb_error = |key: &str, source| Error::vdb(place(key), source);
         let density = spec.density.clone().unwrap_or_default();

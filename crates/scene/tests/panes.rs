@@ -239,9 +239,13 @@ fn close(file: &mut Value) {
     push("bufferViews", json!({"buffer": buffer, "byteOffset": 144, "byteLength": 96}));
     for (k, kind) in ["VEC3", "VEC2"].into_iter().enumerate() {
         let view = view + k;
-        push("accessors", json!({"bufferView": view, "componentType": 5126, "type": kind, "count": 12}));
+        push(
+            "accessors",
+            json!({"bufferView": view, "componentType": 5126, "type": kind, "count": 12}),
+        );
     }
-    let sides = json!({"attributes": {"POSITION": accessor, "TEXCOORD_0": accessor + 1}, "material": 0});
+    let sides =
+        json!({"attributes": {"POSITION": accessor, "TEXCOORD_0": accessor + 1}, "material": 0});
     file["meshes"][0]["primitives"].as_array_mut().unwrap().push(sides);
 }
 

@@ -2,6 +2,7 @@
 //! meets.
 
 use super::Ray;
+use super::overlapping::is_uneven;
 use glam::{DVec3, Vec3A};
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
@@ -28,6 +29,8 @@ pub(crate) struct MediaIndex {
     /// Media that every ray asks: all of a short list, those without bounds of a long one.
     always: Met,
     boxes: Option<Boxes>,
+    /// Whether there is any medium that may be too long to walk: else no flight asks.
+    pub(crate) uneven: bool,
 }
 
 /// The media with bounds, of a long list.
@@ -56,8 +59,10 @@ impl Boundable for Padded {
 impl MediaIndex {
     pub(crate) fn new(media: &[Arc<Medium>]) -> MediaIndex {
         let number = |i: usize| u32::try_from(i).unwrap_or(u32::MAX);
+        let uneven = media.iter().any(|medium| is_uneven(medium));
         if media.len() <= FEW {
-            return MediaIndex { always: (0..media.len()).map(number).collect(), boxes: None };
+            let always = (0..media.len()).map(number).collect();
+            return MediaIndex { always, boxes: None, uneven };
         }
         let mut always = Met::new();
         let mut bounded = Vec::new();
@@ -71,7 +76,7 @@ impl MediaIndex {
         }
         let all = bounded.iter().map(|(_, b)| *b).reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)));
         let Some((low, high)) = all else {
-            return MediaIndex { always, boxes: None };
+            return MediaIndex { always, boxes: None, uneven };
         };
         let (centre, padding) = (0.5 * (low + high), PADDING * (high - low).max_element());
         let boxes: Vec<Padded> = bounded
@@ -89,7 +94,7 @@ impl MediaIndex {
             .iter()
             .filter_map(|&i| bounded.get(i as usize).map(|(medium, _)| *medium))
             .collect();
-        MediaIndex { always, boxes: Some(Boxes { bvh, media, low, high }) }
+        MediaIndex { always, boxes: Some(Boxes { bvh, media, low, high }), uneven }
     }
 
     /// The media that `ray` may meet up to `t_max`; some of them it may miss. In no order.

@@ -256,18 +256,25 @@ fn endless(medium: &Medium, ray: &Ray, t_max: f64) -> bool {
 /// leg through a homogeneous medium is not walked.
 const MAX_WALKED_DEPTH: f64 = 256.0;
 
+/// Whether a medium is homogeneous and its channels differ so much that a leg may be too long to
+/// walk.
+pub(super) fn is_uneven(medium: &Medium) -> bool {
+    let uneven = |s: f32| s > 0.0 && f64::from(s) * MAX_WALKED_DEPTH < 1.0;
+    let relative = medium.relative_extinction();
+    matches!(medium, Medium::Homogeneous(_)) && relative.to_array().into_iter().any(uneven)
+}
+
 /// The strongest channel's optical depth of a leg through a homogeneous medium whose channels
 /// differ so much that a walk by the strongest one's collisions, which are null for the others,
 /// would be very long: there flights and transmittances are closed forms, and weights leave the way
 /// out on both sides. `None` elsewhere.
 pub(super) fn too_long_to_walk(medium: &Medium, ray: &Ray, t_max: f64) -> Option<f64> {
+    if !is_uneven(medium) {
+        return None;
+    }
     let Medium::Homogeneous(medium) = medium else {
         return None;
     };
-    let uneven = |s: f32| s > 0.0 && f64::from(s) * MAX_WALKED_DEPTH < 1.0;
-    if medium.is_grey() || !medium.relative_extinction().to_array().into_iter().any(uneven) {
-        return None;
-    }
     let (_, length) = medium.span(ray.origin, ray.direction, t_max)?;
     let shown = medium.phase().flakes().map_or(1.0, |flakes| flakes.largest_area(ray.direction));
     let depth = f64::from(medium.scale() * shown) * f64::from(length);
@@ -660,7 +667,7 @@ impl Media for Overlapping<'_> {
         let first = first.map(|[depth, _]| depth);
         let met = self.index.along(ray, t_max);
         let long = |&i: &u32| too_long_to_walk(&self.media[i as usize], ray, t_max).is_some();
-        if met.iter().any(long) {
+        if self.index.uneven && met.iter().any(long) {
             return self.fly_past_long((ray, t_max), &met, first, flown, rng, tally);
         }
         self.fly_past(&met, (ray, t_max), first, flown, rng, tally)

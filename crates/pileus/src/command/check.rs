@@ -16,8 +16,14 @@ pub(crate) fn run(options: &InputOptions, report: &Report) -> Result<(), Failure
     // What only the film can refuse, a crop outside the image for one.
     pileus_film::Film::new(loaded.scene.camera.resolution(), settings.crop)?;
     let [width, height] = loaded.scene.camera.resolution();
+    let environment = match &loaded.scene.environment {
+        environment if environment.image.is_some() => "an image",
+        environment if environment.is_black() => "none",
+        _ => "constant",
+    };
     report.text(format_args!(
-        "{}: good; {} volumes, {} lights, {width} x {height} pixels, {} samples per pixel",
+        "{}: good; {} volumes, {} lights, environment: {environment}, {width} x {height} pixels, {} \
+         samples per pixel",
         options.input.display(),
         loaded.scene.volumes.len(),
         loaded.scene.lights.len(),

@@ -583,3 +583,21 @@ mod signals {
         assert!(output.status.success() && stderr(&output).is_empty(), "{}", stderr(&output));
     }
 }
+
+/// What is legal and yet no picture to rely on is said: bounds that are made not to hold, and media
+/// in which paths are shorter than positions can tell.
+#[test]
+fn pictures_that_cannot_be_relied_on_are_said() {
+    let said = |change: &dyn Fn(&mut Value)| {
+        let mut job = sphere_job();
+        change(&mut job);
+        let folder = crate::folder(&[("job.json", &job.to_string())]);
+        ends(folder.path(), &["check", "job.json"])
+    };
+    let loose = said(&|job| job["sampling"]["majorant_scale"] = 0.5.into());
+    assert!(loose.0 == 0 && loose.1.contains("may be noise alone"), "{}", loose.1);
+    let dense = said(&|job| job["volumes"][0]["density"]["scale"] = 1e15.into());
+    assert!(dense.0 == 0 && dense.1.contains("its light is wrong"), "{}", dense.1);
+    let plain = said(&|job| job["volumes"][0]["density"]["scale"] = 1e9.into());
+    assert!(plain.0 == 0 && !plain.1.contains("its light is wrong"), "{}", plain.1);
+}
