@@ -2,7 +2,7 @@
 //! program too, with a place and a remedy.
 //!
 //! Knows the keywords that the schema uses, and no more; a test holds it against a complete
-//! validator. Patterns are known by name: see [`fits`].
+//! validator. Patterns are known by name: see `fits` below.
 
 use std::cmp::Ordering;
 
