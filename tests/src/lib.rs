@@ -3,7 +3,7 @@
 
 use glam::{DAffine3, DVec3, Vec3};
 use pileus_film::{Film, Filter, Image};
-use pileus_integrator::{Counters, Plan, RenderSettings, Unmonitored, render};
+use pileus_integrator::{Counters, RenderSettings, Renderer, Unmonitored};
 use pileus_media::{
     Albedo, EmissionField, EmissionSource, ExactField, GridMedium, HomogeneousMedium,
     Interpolation, Medium, Phase, Tally, VoxelGrid, VoxelGridOptions, law,
@@ -160,9 +160,8 @@ pub struct Rendered {
 
 /// Renders a scene; no lookup may have exceeded its bound and no sample been dropped.
 pub fn rendered(scene: &Scene, settings: &RenderSettings) -> Rendered {
-    let plan = Plan::new(scene, settings).expect("a plan");
     let mut film = Film::new(scene.camera.resolution(), None).expect("a film");
-    let counters = render(scene, &plan, settings, &mut film, &Unmonitored).expect("a render");
+    let counters = Renderer::new(scene, settings).expect("a plan").render(&mut film, &Unmonitored).expect("a render");
     assert_eq!((counters.violations, counters.dropped), (0, 0), "{counters:?}");
     Rendered { image: film.image(), variance: film.variance(), film, counters }
 }

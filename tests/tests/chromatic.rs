@@ -2,7 +2,7 @@
 #![allow(clippy::print_stdout, reason = "figures are worth reading beside a verdict")]
 
 use glam::{DVec3, Vec3};
-use pileus_integrator::{Distance, Plan, RenderSettings, Transmittance};
+use pileus_integrator::{Channels, Distance, Events, Plan, RenderSettings, Transmittance};
 use pileus_media::distance::DistanceSampler;
 use pileus_media::transmittance::Estimator;
 use pileus_media::{Medium, Phase};
@@ -28,8 +28,12 @@ fn by(distance: DistanceSampler, spp: u64, seed: u64) -> RenderSettings {
     RenderSettings { distance: Distance::By(distance), ..settings(spp, seed) }
 }
 
-fn kernel(scene: &Scene, settings: &RenderSettings) -> &'static str {
-    Plan::new(scene, settings).expect("a plan").kernel_name()
+fn axes(plan: &Plan) -> (Events, Channels) {
+    (plan.kernel.events, plan.kernel.channels)
+}
+
+fn kernel(scene: &Scene, settings: &RenderSettings) -> (Events, Channels) {
+    axes(&Plan::new(scene, settings).expect("a plan"))
 }
 
 fn mean_variance(rendered: &Rendered, channel: &str) -> f64 {
@@ -53,7 +57,7 @@ fn channels_that_part_equal_grey_renders_of_each() {
     for (i, (what, extinction, albedo, eye)) in cases.into_iter().enumerate() {
         let chromatic = lit(lumpy(extinction, albedo), eye);
         let settings = settings(48, 1 + i as u64);
-        assert_eq!(kernel(&chromatic, &settings), "single_chromatic");
+        assert_eq!(kernel(&chromatic, &settings), (Events::OneGrid, Channels::Split));
         let all = rendered(&chromatic, &settings);
         assert_eq!((all.counters.violations, all.counters.dropped), (0, 0), "{what}");
         let mut coverage = 0.0;
@@ -113,7 +117,7 @@ fn parted_channels_are_weighted_against_shadow_rays() {
         let distance = if light == "point" { Distance::Equiangular } else { Distance::Split };
         let settings = RenderSettings { distance, ..settings(64, 20 + seed as u64) };
         let plan = Plan::new(&scene, &settings).expect("a plan");
-        assert_eq!((plan.kernel_name(), plan.mis), ("single_chromatic", light != "point"));
+        assert_eq!((axes(&plan), plan.mis), ((Events::OneGrid, Channels::Split), light != "point"));
         let split = rendered(&scene, &settings);
         let spectral = rendered(&scene, &by(DistanceSampler::Spectral, 64, 40));
         assert_same(light, &split, &spectral);
@@ -137,9 +141,9 @@ fn parting_lowers_the_noise_of_weights_over_channels() {
     assert!(gain > 1.9, "{gain}");
 }
 
-/// Where channels cannot part the plan says so, and renders by what it would have taken.
+/// Channels decouple over lists and beside surfaces as they do in one grid; where they cannot the plan says so, and renders by what it would have taken.
 #[test]
-fn the_plan_says_where_channels_do_not_part() {
+fn the_plan_says_where_channels_do_not_decouple() {
     let grid = lumpy([4.0, 1.0, 0.5], [0.9; 3]);
     let one = lit(grid.clone(), EYE);
     let fog = cube_homogeneous(1.5, [0.3, 0.2, 0.1], [0.9; 3], Phase::Isotropic);
@@ -147,29 +151,29 @@ fn the_plan_says_where_channels_do_not_part() {
     let grey = lit(lumpy([4.0; 3], [0.9; 3]), EYE);
     let split = RenderSettings { distance: Distance::Split, ..settings(1, 1) };
     let regular = Transmittance::By(Estimator::Regular);
+    let list = Events::MergedList;
     let cases = [
-        (&two, split.clone(), "overlapping", "spectral"),
-        (&grey, split.clone(), "single_grey", "delta"),
+        (&two, split.clone(), (list, Channels::Split), "split"),
+        (&one, split.clone(), (Events::OneGrid, Channels::Split), "split"),
+        (&grey, split.clone(), (Events::OneGrid, Channels::Grey), "delta"),
         (
             &one,
             RenderSettings { transmittance: regular, ..split.clone() },
-            "overlapping",
+            (list, Channels::Spectral),
             "spectral",
         ),
         (
             &one,
             RenderSettings { majorant_scale: 0.5, ..split.clone() },
-            "overlapping",
+            (list, Channels::Spectral),
             "weighted_delta",
         ),
-        (&one, by(DistanceSampler::Delta, 1, 1), "overlapping", "delta"),
+        (&one, by(DistanceSampler::Delta, 1, 1), (list, Channels::Spectral), "delta"),
     ];
     for (scene, settings, kernel, distance) in cases {
         let plan = Plan::new(scene, &settings).expect("a plan");
-        assert_eq!((plan.kernel_name(), plan.distance.name()), (kernel, distance));
-        let said = plan.reasons.iter().any(|reason| reason.contains("channels part only"));
-        assert_eq!(said, settings.distance == Distance::Split);
+        assert_eq!((axes(&plan), plan.distance.name()), (kernel, distance));
+        let said = plan.reasons.iter().any(|reason| reason.contains("no channels decouple"));
+        assert_eq!(said, settings.distance == Distance::Split && distance != "split");
     }
-    let plan = Plan::new(&one, &split).expect("a plan");
-    assert_eq!((plan.kernel_name(), plan.distance), ("single_chromatic", Distance::Split));
 }

@@ -12,7 +12,7 @@
 
 use glam::{DAffine3, DVec3, Vec3};
 use pileus_film::Film;
-use pileus_integrator::{Distance, Plan, RenderSettings, Transmittance, Unmonitored, render};
+use pileus_integrator::{Distance, RenderSettings, Renderer, Transmittance, Unmonitored};
 use pileus_media::distance::DistanceSampler;
 use pileus_media::transmittance::Estimator;
 use pileus_media::{Interpolation, Medium, Phase};
@@ -270,9 +270,8 @@ fn transmittances() -> Vec<Transmittance> {
 
 /// Mean and standard error of each channel.
 fn measure(scene: &Scene, settings: &RenderSettings) -> [[f64; 2]; 3] {
-    let plan = Plan::new(scene, settings).expect("a plan");
     let mut film = Film::new(scene.camera.resolution(), None).expect("a film");
-    let counters = render(scene, &plan, settings, &mut film, &Unmonitored).expect("a render");
+    let counters = Renderer::new(scene, settings).expect("a plan").render(&mut film, &Unmonitored).expect("a render");
     assert_eq!((counters.violations, counters.dropped), (0, 0), "{counters:?}");
     let (image, variance) = (film.image(), film.variance());
     ["R", "G", "B"].map(|c| {

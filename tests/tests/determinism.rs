@@ -2,7 +2,7 @@
 
 use glam::{DVec3, Vec3};
 use pileus_film::Film;
-use pileus_integrator::{Plan, RenderSettings, Unmonitored, render, sample_pixel};
+use pileus_integrator::{RenderSettings, Renderer, Unmonitored};
 use pileus_media::Phase;
 use pileus_scene::{Camera, EnvironmentImage, Light, Point, Scene};
 use pileus_tests::*;
@@ -96,10 +96,9 @@ fn state(film: &Film) -> Vec<u8> {
 }
 
 fn film(scene: &Scene, settings: &RenderSettings, threads: usize) -> Film {
-    let plan = Plan::new(scene, settings).unwrap();
     let mut film = Film::new(scene.camera.resolution(), None).unwrap();
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-    pool.install(|| render(scene, &plan, settings, &mut film, &Unmonitored)).unwrap();
+    pool.install(|| Renderer::new(scene, settings).expect("a plan").render(&mut film, &Unmonitored)).unwrap();
     film
 }
 
@@ -138,12 +137,12 @@ fn any_split_merges_to_the_whole() {
 fn a_sample_is_what_the_render_adds() {
     for scene in scenes() {
         let settings = settings(3, 9);
-        let plan = Plan::new(&scene, &settings).unwrap();
+        let renderer = Renderer::new(&scene, &settings).unwrap();
         let film = film(&scene, &settings, 2);
         for (x, y) in [(0, 0), (31, 30), (20, 25)] {
             let mut moments = pileus_film::PixelMoments::default();
             for sample in 0..3 {
-                moments.add(sample, &sample_pixel(&scene, &plan, &settings, [x, y], sample));
+                moments.add(sample, &renderer.sample_pixel([x, y], sample));
             }
             assert_eq!(film.pixel(x, y), Some(&moments));
         }

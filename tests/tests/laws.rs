@@ -2,7 +2,7 @@
 #![allow(clippy::print_stdout, reason = "figures are worth reading beside a verdict")]
 
 use glam::{DVec3, Vec3};
-use pileus_integrator::{Distance, Plan, RenderSettings, Transmittance};
+use pileus_integrator::{Distance, Events, Plan, RenderSettings, Transmittance};
 use pileus_lab::experiment::classed_rays;
 use pileus_lab::{Profile, ProfileCase};
 use pileus_media::distance::{DistanceSampler, Flight, regular_flight_under_law};
@@ -533,11 +533,11 @@ fn the_plan_says_what_it_does_and_refuses_what_assumes_the_exponential() {
     assert!(plan(asked).contains("series of exponent 1.5"));
     assert!(plan(chosen).contains("series of exponent 2.5"));
     let plain = Plan::new(&scene_of(None), &settings(1, 1)).unwrap();
-    assert_eq!(plain.kernel_name(), "single_grey");
+    assert_eq!(plain.kernel.events, Events::OneGrid);
     for law in laws() {
         let scene = scene_of(Some(&law));
         let plan = Plan::new(&scene, &settings(1, 1)).unwrap();
-        assert_eq!(plan.kernel_name(), "under_law");
+        assert_eq!(plan.kernel.events, Events::MergedList);
         let text = plan.to_string();
         assert!(text.contains(&format!("follows the law {law}")), "{text}");
         assert_eq!(text.contains("a drawn rate"), law.is_mixture_of_exponentials(), "{text}");

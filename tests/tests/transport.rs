@@ -4,8 +4,7 @@
 use glam::{DVec3, Vec3};
 use pileus_film::Film;
 use pileus_integrator::{
-    Distance, LightSampling, Plan, RenderSettings, ShadowRoulette, Transmittance, Unmonitored,
-    render,
+    Distance, LightSampling, Plan, Renderer, RenderSettings, ShadowRoulette, Transmittance, Unmonitored,
 };
 use pileus_media::distance::DistanceSampler;
 use pileus_media::phase::ISOTROPIC;
@@ -485,9 +484,8 @@ fn every_sampler_gives_the_same_picture() {
             let reference = rendered(&scene, &by(Distance::Auto, 1.0, Estimator::Ratio, 1));
             let mut seed = 2;
             let check = |what: String, settings: RenderSettings| {
-                let plan = Plan::new(&scene, &settings).unwrap();
                 let mut film = Film::new(scene.camera.resolution(), None).unwrap();
-                let counters = render(&scene, &plan, &settings, &mut film, &Unmonitored).unwrap();
+                let counters = Renderer::new(&scene, &settings).expect("a plan").render(&mut film, &Unmonitored).unwrap();
                 assert_eq!(counters.dropped, 0);
                 assert_eq!(counters.violations > 0, settings.majorant_scale < 1.0, "{what}");
                 let (image, variance) = (film.image(), film.variance());
@@ -625,10 +623,11 @@ fn expected_shadows_change_no_mean() {
                 if two { 5.0 } else { 0.0 },
             ));
             scene.environment.image = Some(Arc::clone(&sky));
-            let plan = Plan::new(&scene, &settings(1, 1)).unwrap();
+            let renderer = Renderer::new(&scene, &settings(1, 1)).unwrap();
+            let reasons = &renderer.prepass().reasons;
             let thin = i == 0 && !two;
-            let chosen = plan.reasons.iter().any(|reason| reason.contains("by what a pilot"));
-            assert!(!thin || chosen, "{:?}", plan.reasons);
+            let chosen = reasons.iter().any(|reason| reason.contains("by what a radiance cache"));
+            assert!(!thin || chosen, "{reasons:?}");
             let seed = 20 + 4 * i as u64 + 2 * u64::from(two);
             let by_expectation = rendered(&scene, &expected(seed));
             assert_same("expected", &by_expectation, &rendered(&scene, &importance(seed + 1)));

@@ -5,7 +5,7 @@ use glam::{DVec3, Vec3};
 use pileus::input::{Input, VdbOptions};
 use pileus::settings::{Overrides, Settings};
 use pileus_film::{Crop, Film};
-use pileus_integrator::{Plan, RenderSettings, Unmonitored, render};
+use pileus_integrator::{RenderSettings, Unmonitored};
 use pileus_media::Phase;
 use pileus_scene::{EnvironmentImage, Scene};
 use pileus_tests::{
@@ -38,7 +38,6 @@ fn middle(scene: &Scene, size: u32) -> Crop {
 /// ratio of one leaves [.9, 1.15] with probability 6e-7, a ratio of .82 or 1.24 stays in with as little; sums of squares of single samples give 1.2 to 6 here.
 /// Radiances are weighted by one over the square of their pixel's mean and a tenth of the image's, so that no bright pixel decides.
 fn check(what: &str, scene: &Scene, base: &RenderSettings, size: u32, counts: &[u64], power: f64) {
-    let plan = Plan::new(scene, base).expect("a plan");
     let crop = middle(scene, size);
     for &count in counts {
         // Per pixel and channel: sum and sum of squares of means, sum of variances.
@@ -46,7 +45,7 @@ fn check(what: &str, scene: &Scene, base: &RenderSettings, size: u32, counts: &[
         for seed in 0..SEEDS {
             let settings = RenderSettings { samples: 0..count, seed: 900 + seed, ..base.clone() };
             let mut film = Film::new(scene.camera.resolution(), Some(crop)).expect("a film");
-            let counters = render(scene, &plan, &settings, &mut film, &Unmonitored).expect("one");
+            let counters = Renderer::new(scene, &settings).expect("a plan").render(&mut film, &Unmonitored).expect("one");
             assert_eq!((counters.violations, counters.dropped), (0, 0), "{what}");
             for (i, pixel) in (0..).zip(&mut sums) {
                 let moments = film.pixel(crop.x0 + i % size, crop.y0 + i / size).expect("a pixel");
@@ -161,10 +160,9 @@ fn of_every_asset() {
 
 /// Renders a scene and returns the mean of its pixels; no sample may be dropped.
 fn mean(scene: &Scene, settings: &RenderSettings, size: u32) -> [f64; 4] {
-    let plan = Plan::new(scene, settings).expect("a plan");
     let crop = middle(scene, size);
     let mut film = Film::new(scene.camera.resolution(), Some(crop)).expect("a film");
-    let counters = render(scene, &plan, settings, &mut film, &Unmonitored).expect("a render");
+    let counters = Renderer::new(scene, settings).expect("a plan").render(&mut film, &Unmonitored).expect("a render");
     assert_eq!((counters.dropped, film.dropped()), (0, 0));
     let image = film.image();
     ["R", "G", "B", "A"].map(|name| {

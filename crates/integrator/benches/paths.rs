@@ -3,7 +3,7 @@
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use glam::{DAffine3, DVec3, Vec3};
 use pileus_film::Film;
-use pileus_integrator::{Plan, RenderSettings, Unmonitored, render};
+use pileus_integrator::{RenderSettings, Renderer, Unmonitored};
 use pileus_media::{Albedo, GridMedium, Medium, Phase, VoxelGrid, VoxelGridOptions};
 use pileus_scene::{Camera, Environment, Light, Scene, Sun, Volume, VolumeSource};
 use pileus_vdb::VdbFile;
@@ -57,12 +57,11 @@ fn benches(c: &mut Criterion) {
     ] {
         let scene = scene(name, scale, albedo, g);
         let settings = RenderSettings { samples: 0..4, ..RenderSettings::default() };
-        let plan = Plan::new(&scene, &settings).expect("a plan");
         group.throughput(Throughput::Elements(64 * 64 * 4));
         group.bench_function(name, |b| {
             b.iter(|| {
                 let mut film = Film::new([64, 64], None).expect("a film");
-                pool.install(|| render(&scene, &plan, &settings, &mut film, &Unmonitored))
+                pool.install(|| Renderer::new(&scene, &settings).expect("a plan").render(&mut film, &Unmonitored))
                     .expect("a render")
             });
         });
@@ -71,11 +70,10 @@ fn benches(c: &mut Criterion) {
     for (name, count) in [("one_cloud", 1), ("two_clouds", 2), ("two_hundred_clouds", 200)] {
         let scene = field(count);
         let settings = RenderSettings { samples: 0..4, ..RenderSettings::default() };
-        let plan = Plan::new(&scene, &settings).expect("a plan");
         group.bench_function(name, |b| {
             b.iter(|| {
                 let mut film = Film::new([64, 64], None).expect("a film");
-                pool.install(|| render(&scene, &plan, &settings, &mut film, &Unmonitored))
+                pool.install(|| Renderer::new(&scene, &settings).expect("a plan").render(&mut film, &Unmonitored))
                     .expect("a render")
             });
         });

@@ -4,28 +4,21 @@
 mod cost;
 mod counters;
 mod error;
-mod expected;
-mod interior;
+mod kernel;
 mod lights;
-mod limits;
 mod media;
-mod passage;
-mod path;
-mod pilot;
 mod plan;
-mod render;
+mod prepass;
+mod renderer;
 mod sampler;
 mod settings;
-mod thickness;
-mod warnings;
-mod world;
 
 pub use cost::PathCost;
 pub use counters::Counters;
 pub use error::Error;
-pub use pilot::Pilot;
-pub use plan::{Plan, PlannedVolume};
-pub use render::{Monitor, Unmonitored, render, sample_pixel};
+pub use plan::{Channels, Events, KernelAxes, PhaseFunctions, Plan, PlannedVolume, World};
+pub use prepass::{Prepass, RecordedRays};
+pub use renderer::{Monitor, Renderer, Unmonitored};
 pub use sampler::PathSampler;
 pub use settings::{
     DEFAULT_MAX_EVENTS, Distance, LightSampling, RenderSettings, ShadowRoulette, Transmittance,

@@ -12,6 +12,7 @@ use crate::majorant::{
     WideRay, distance,
 };
 use crate::phase::{Phase, PhaseAt};
+use crate::scaled::Scaled;
 use crate::tally::Tally;
 use glam::{DAffine3, DVec3, Vec3};
 use rand_core::Rng;
@@ -457,14 +458,14 @@ impl GridMedium {
         }
     }
 
-    /// Calls `kernel` with the ray field of a span, compiled for each voxel type on the structure that every medium has by default.
+    /// Calls `kernel` with the ray field of a span for a share of the extinction, compiled for each voxel type on the structure that every medium has by default.
     #[inline(always)]
-    pub fn with_ray<K: FieldKernel>(&self, span: &Span, kernel: K) -> K::Output {
+    pub fn with_ray<K: FieldKernel>(&self, span: &Span, share: f32, kernel: K) -> K::Output {
         // Not by way of `any_ray`: its rays are moved, and own memory in wide grids.
         match (&self.grid.voxels, self.majorants.is_adaptive() && !self.is_wide()) {
-            (Voxels::Half(voxels), true) => kernel.run(self.ray(voxels, span)),
-            (Voxels::Single(voxels), true) => kernel.run(self.ray(voxels, span)),
-            _ => kernel.run(self.any_ray(span)),
+            (Voxels::Half(voxels), true) => kernel.run(self.ray_of_share(voxels, span, share)),
+            (Voxels::Single(voxels), true) => kernel.run(self.ray_of_share(voxels, span, share)),
+            _ => kernel.run(Scaled::new(self.any_ray(span), share)),
         }
     }
 

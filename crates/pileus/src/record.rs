@@ -47,6 +47,7 @@ pub(crate) struct Stats<'a> {
 pub(crate) struct PlanAndCost<'a> {
     #[serde(flatten)]
     pub(crate) plan: &'a Plan,
+    pub(crate) predicted: Option<PathCost>,
     pub(crate) measured: Option<PathCost>,
 }
 

@@ -1,12 +1,12 @@
 //! Lights that next-event estimation can aim at, and the choice among them.
 
-mod fire;
+mod emissive_volumes;
 mod tree;
 
-pub(crate) use fire::{Fires, Guide};
+pub(crate) use emissive_volumes::{EmissiveVolumes, EmissionMixture};
 
 use crate::settings::LightSampling;
-use crate::world::luminance;
+use crate::kernel::luminance;
 use glam::{DVec3, Vec3};
 use pileus_media::elementary::sin_cos_turn;
 use pileus_media::phase::ISOTROPIC;
@@ -30,7 +30,7 @@ pub(crate) enum Target {
     /// What is bright in the environment image.
     Image { image: Arc<EnvironmentImage>, strength: f32 },
     /// All emissive triangles.
-    Lamps(Lamps),
+    EmissiveTriangles(EmissiveTriangles),
 }
 
 /// Most point and spot lights that are chosen among one by one, with their phase function's value; more are put under a tree, which knows their distance alone.
@@ -91,13 +91,13 @@ impl PointLight {
 
 /// Emissive triangles under a tree.
 #[derive(Debug, Clone)]
-pub(crate) struct Lamps {
+pub(crate) struct EmissiveTriangles {
     surfaces: Arc<Surfaces>,
     tree: LightTree,
 }
 
-impl Lamps {
-    fn new(surfaces: &Arc<Surfaces>) -> Lamps {
+impl EmissiveTriangles {
+    fn new(surfaces: &Arc<Surfaces>) -> EmissiveTriangles {
         let lights: Vec<TreeLight> = surfaces
             .emitters()
             .iter()
@@ -109,7 +109,7 @@ impl Lamps {
                 two_sided: lamp.two_sided,
             })
             .collect();
-        Lamps { surfaces: Arc::clone(surfaces), tree: LightTree::new(&lights) }
+        EmissiveTriangles { surfaces: Arc::clone(surfaces), tree: LightTree::new(&lights) }
     }
 
     /// A point on a triangle as seen from `p`. `u`: where on it; `which`: which one.
@@ -220,7 +220,8 @@ pub(crate) struct Lights {
     /// Discs and images that no shadow ray is sent to.
     paths_only: Vec<Target>,
     /// Volumes that paths are drawn to.
-    fires: Fires,
+    emissive_volumes: EmissiveVolumes,
+    have_extent: bool,
 }
 
 /// A choice among the lights from one vertex.
@@ -234,7 +235,17 @@ pub(crate) struct Choice {
 }
 
 impl Lights {
+    /// The lights of a scene, with what draws paths to its emissive volumes.
     pub(crate) fn new(scene: &Scene, sampling: LightSampling) -> Lights {
+        let mut lights = Lights::without_emissive_volumes(scene, sampling);
+        if sampling == LightSampling::Both {
+            lights.emissive_volumes = EmissiveVolumes::new(scene);
+        }
+        lights
+    }
+
+    /// The lights that shadow rays are sent to: what a plan has to know.
+    pub(crate) fn without_emissive_volumes(scene: &Scene, sampling: LightSampling) -> Lights {
         let mut targets = Vec::new();
         for light in &scene.lights {
             match light {
@@ -264,27 +275,31 @@ impl Lights {
             targets.push(Target::Image { image: Arc::clone(image), strength });
         }
         if let Some(surfaces) = &scene.surfaces {
-            let lamps = Lamps::new(surfaces);
+            let lamps = EmissiveTriangles::new(surfaces);
             if !lamps.tree.is_empty() {
-                targets.push(Target::Lamps(lamps));
+                targets.push(Target::EmissiveTriangles(lamps));
             }
         }
         let mut paths_only = Vec::new();
-        let mut fires = Fires::default();
         if sampling == LightSampling::Paths {
             (paths_only, targets) = targets.into_iter().partition(Target::met_by_paths);
-        } else {
-            fires = Fires::new(scene);
         }
-        Lights { targets, points, paths_only, fires }
+        let emissive_volumes = EmissiveVolumes::default();
+        let mut lights =
+            Lights { targets, points, paths_only, emissive_volumes, have_extent: false };
+        lights.have_extent =
+            lights.need_mis() || lights.targets.len() > 1 || lights.many_positions();
+        lights
     }
 
     pub(crate) fn is_empty(&self) -> bool {
         self.targets.is_empty()
     }
 
-    pub(crate) fn len(&self) -> usize {
-        self.targets.len()
+    /// Whether a direction towards a light may take random numbers.
+    #[inline(always)]
+    pub(crate) fn have_extent(&self) -> bool {
+        self.have_extent
     }
 
     /// Lights, those under a tree of points counted one by one.
@@ -334,7 +349,7 @@ impl Lights {
                 (received, received)
             }
             // Lights of some size: their middle says little of what a vertex sees of them.
-            Target::Lamps(lamps) => {
+            Target::EmissiveTriangles(lamps) => {
                 let received = lamps.tree.estimate(p) * ISOTROPIC;
                 (received, received)
             }
@@ -423,13 +438,13 @@ impl Lights {
                     everywhere: true,
                 })
             }
-            Target::Lamps(lamps) => lamps.sample(p, u, uniform(rng)),
+            Target::EmissiveTriangles(lamps) => lamps.sample(p, u, uniform(rng)),
         }
     }
 
     /// For a path from `p` that met emissive triangle `emitter` at a distance under a cosine: the light it belongs to, and the density of its direction; `None` if
     /// no shadow ray is sent there.
-    pub(crate) fn met_lamp(
+    pub(crate) fn met_emissive_triangle(
         &self,
         emitter: u32,
         p: DVec3,
@@ -437,7 +452,7 @@ impl Lights {
         cos: f32,
     ) -> Option<(usize, f32)> {
         self.targets.iter().enumerate().find_map(|(index, target)| match target {
-            Target::Lamps(lamps) => {
+            Target::EmissiveTriangles(lamps) => {
                 let lamp = lamps.surfaces.emitters().get(emitter as usize)?;
                 let pdf = pdf_of_area(lamp.area, distance, cos);
                 Some((index, lamps.tree.probability(emitter, p) * pdf))
@@ -446,19 +461,19 @@ impl Lights {
         })
     }
 
-    /// The fires that paths are drawn to: none if paths are to find all light by themselves.
-    pub(crate) fn fires(&self) -> &Fires {
-        &self.fires
+    /// The emissive volumes that paths are drawn to: none if paths are to find all light by themselves.
+    pub(crate) fn emissive_volumes(&self) -> &EmissiveVolumes {
+        &self.emissive_volumes
     }
 
-    /// How a vertex at `p` is drawn to fires beside the other lights and a constant environment of luminance `constant`; `None` if it is not.
+    /// How a vertex at `p` is drawn to emissive volumes beside the other lights and a constant environment of luminance `constant`; `None` if it is not.
     #[inline]
-    pub(crate) fn guide(&self, p: DVec3, in_medium: bool, constant: f32) -> Option<Guide> {
-        if self.fires.is_empty() {
+    pub(crate) fn emission_mixture(&self, p: DVec3, in_medium: bool, constant: f32) -> Option<EmissionMixture> {
+        if self.emissive_volumes.is_empty() {
             return None;
         }
         let others = self.targets.iter().map(|target| self.estimate(target, p, |_| ISOTROPIC).1);
-        self.fires.guide(p, in_medium, others.sum::<f32>() + constant)
+        self.emissive_volumes.emission_mixture(p, in_medium, others.sum::<f32>() + constant)
     }
 
     /// Calls `visit` for every light at infinity that an escaping ray meets: its radiance, and if shadow rays are sent to it, its

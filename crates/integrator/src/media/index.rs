@@ -2,7 +2,7 @@
 //! meets.
 
 use super::Ray;
-use super::overlapping::is_uneven;
+use super::merged::is_special;
 use glam::{DVec3, Vec3A};
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
@@ -15,22 +15,26 @@ use std::sync::Arc;
 use std::time::Duration;
 
 /// Up to so many media every ray asks each: measured, a hierarchy pays from here on.
-const FEW: usize = 4;
+const MAX_WITHOUT_HIERARCHY: usize = 4;
 
 /// Share of the boxes' common extent by which each is padded: what rounding to single precision can move a ray or a face by.
 const PADDING: f64 = 1e-6;
 
 /// Media by number.
-pub(crate) type Met = SmallVec<[u32; 8]>;
+pub(super) type MetMedia = SmallVec<[u32; 8]>;
 
 /// An index over a list of media.
 #[derive(Debug)]
 pub(crate) struct MediaIndex {
     /// Media that every ray asks: all of a short list, those without bounds of a long one.
-    always: Met,
+    always: MetMedia,
     boxes: Option<Boxes>,
-    /// Whether there is any medium that may be too long to walk: else no flight asks.
-    pub(crate) uneven: bool,
+    /// Whether any medium may need a flight of its own, or a rate: else no flight asks.
+    pub(super) special: bool,
+    /// Whether any is homogeneous: else no flight asks for closed forms.
+    pub(super) homogeneous: bool,
+    /// Whether any has a transmittance function that is not exponential.
+    pub(super) non_exponential: bool,
 }
 
 /// The media with bounds, of a long list.
@@ -59,12 +63,21 @@ impl Boundable for Padded {
 impl MediaIndex {
     pub(crate) fn new(media: &[Arc<Medium>]) -> MediaIndex {
         let number = |i: usize| u32::try_from(i).unwrap_or(u32::MAX);
-        let uneven = media.iter().any(|medium| is_uneven(medium));
-        if media.len() <= FEW {
+        let special = media.iter().any(|medium| is_special(medium));
+        let homogeneous = media.iter().any(|m| matches!(**m, Medium::Homogeneous(_)));
+        let non_exponential = media.iter().any(|medium| medium.law().is_some());
+        let with = |always, boxes| MediaIndex {
+            always,
+            boxes,
+            special,
+            homogeneous,
+            non_exponential,
+        };
+        if media.len() <= MAX_WITHOUT_HIERARCHY {
             let always = (0..media.len()).map(number).collect();
-            return MediaIndex { always, boxes: None, uneven };
+            return with(always, None);
         }
-        let mut always = Met::new();
+        let mut always = MetMedia::new();
         let mut bounded = Vec::new();
         for (i, medium) in media.iter().enumerate() {
             match medium.bounds_world() {
@@ -76,7 +89,7 @@ impl MediaIndex {
         }
         let all = bounded.iter().map(|(_, b)| *b).reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)));
         let Some((low, high)) = all else {
-            return MediaIndex { always, boxes: None, uneven };
+            return with(always, None);
         };
         let (centre, padding) = (0.5 * (low + high), PADDING * (high - low).max_element());
         let boxes: Vec<Padded> = bounded
@@ -86,7 +99,7 @@ impl MediaIndex {
                 Padded(Aabb::new(corner(*low - padding), corner(*high + padding)))
             })
             .collect();
-        // A medium is dearer to ask than a box.
+        // A medium is more expensive to ask than a box.
         let parameters = BvhBuildParams { max_prims_per_leaf: 1, ..BvhBuildParams::medium_build() };
         let bvh = build_bvh2(&boxes, parameters, &mut Duration::default());
         let media = bvh
@@ -94,12 +107,12 @@ impl MediaIndex {
             .iter()
             .filter_map(|&i| bounded.get(i as usize).map(|(medium, _)| *medium))
             .collect();
-        MediaIndex { always, boxes: Some(Boxes { bvh, media, low, high }), uneven }
+        with(always, Some(Boxes { bvh, media, low, high }))
     }
 
     /// The media that `ray` may meet up to `t_max`; some of them it may miss. In no order.
     #[inline]
-    pub(crate) fn along(&self, ray: &Ray, t_max: f64) -> Met {
+    pub(crate) fn along(&self, ray: &Ray, t_max: f64) -> MetMedia {
         let mut met = self.always.clone();
         if let Some(boxes) = &self.boxes {
             boxes.along(ray, t_max, &mut met);
@@ -108,7 +121,7 @@ impl MediaIndex {
     }
 
     /// The media that may hold a point.
-    pub(crate) fn around(&self, p_world: DVec3) -> Met {
+    pub(crate) fn around(&self, p_world: DVec3) -> MetMedia {
         let mut met = self.always.clone();
         if let Some(Boxes { bvh, media, low, high }) = &self.boxes {
             let p = Vec3A::from((p_world - 0.5 * (*low + *high)).as_vec3());
@@ -124,7 +137,7 @@ impl MediaIndex {
 }
 
 impl Boxes {
-    fn along(&self, ray: &Ray, t_max: f64, met: &mut Met) {
+    fn along(&self, ray: &Ray, t_max: f64, met: &mut MetMedia) {
         let d = ray.direction.as_dvec3();
         // From where the ray enters the common box on, so that its origin is no further off than the boxes are.
         let (mut t0, mut t1) = (0.0f64, t_max);

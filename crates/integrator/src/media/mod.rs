@@ -1,23 +1,27 @@
-//! The media of a scene as the path kernel sees them: free flights and transmittance, one implementation per kind of scene.
+//! The media of a scene as the path kernel sees them: where the next real collision of a flight is, and what a shadow ray finds.
+//!
+//! Two axes are independent of each other. *Events*: tentative collisions come from one grid ([`OneGrid`]) or from a merged list of media ([`Merged`]).
+//! *Channels*: three channels share one extinction, are split where their events differ, or are weighted ([`channels`]).
 
+pub(crate) mod channels;
+mod collisions;
+mod entry;
 mod index;
-mod overlapping;
-mod single_chromatic;
-mod single_grey;
-mod under_law;
+mod merged;
+mod no_media;
+mod one_grid;
 
-pub(crate) use index::{MediaIndex, Met};
-pub(crate) use overlapping::Overlapping;
-pub(crate) use single_chromatic::SingleChromatic;
-pub(crate) use single_grey::{AnyStructure, DefaultStructure, SingleGrey, Structures};
-pub(crate) use under_law::UnderLaw;
+pub(crate) use index::MediaIndex;
+pub(crate) use merged::{Merged, flies_by_depth};
+pub(crate) use no_media::NoMedia;
+pub(crate) use one_grid::{AnyPhase, IsotropicOrHenyeyGreenstein, OneGrid, PhaseAxis};
 
+use channels::ChannelMode;
 use glam::{DVec3, Vec3};
 use pileus_media::distance::DistanceSampler;
 use pileus_media::transmittance::Estimator;
-use pileus_media::{PhaseAt, Spectrum, Tally};
+use pileus_media::{PhaseAt, Tally};
 use rand_core::Rng;
-use smallvec::SmallVec;
 
 /// A ray in the world; `direction` is a unit vector.
 #[derive(Debug, Clone, Copy)]
@@ -34,49 +38,37 @@ impl Ray {
 }
 
 /// A real collision: where on the ray and in which medium.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Collision {
     pub(crate) t: f64,
     pub(crate) medium: usize,
 }
 
-/// The medium at one of whose particles a ray starts; `None` for cameras, surfaces and bodies. It matters under laws that are not exponential.
-pub(crate) type Start = Option<usize>;
+/// The medium at one of whose scatterers a ray starts; `None` for cameras, surfaces and interior media. It matters for media with a transmittance function that is
+/// not exponential [d'Eon 2018].
+pub(crate) type StartCorrelation = Option<usize>;
 
 /// A ray from where it starts to a distance.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Leg<'a> {
+pub(crate) struct RaySegment<'a> {
     pub(crate) ray: &'a Ray,
-    pub(crate) start: Start,
+    pub(crate) start: StartCorrelation,
     pub(crate) t_max: f64,
 }
 
-/// What a free flight carries through its null collisions.
+/// How a flight ended for some of the channels that began it.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Flown<N> {
-    /// Path throughput, albedo included.
+pub(crate) struct FlightEnd<N> {
+    /// Path throughput before the flight, zero for channels that ended elsewhere.
+    pub(crate) before: Vec3,
+    /// Path throughput at the end, without the albedo there.
     pub(crate) beta: Vec3,
-    /// Probability of all null decisions since the flight began: the density of the same walk under light sampling, over its density
-    /// under path sampling, is one over this.
+    /// Probability of all null decisions since the flight began: the density of the same walk under light sampling, over its density under path sampling, is one
+    /// over this.
     pub(crate) null_probability: N,
-}
-
-/// Where a flight ended for some of the channels that began it.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Ending<N> {
-    /// One for these channels, zero for others.
-    pub(crate) channels: Vec3,
-    /// As in [`Flown`].
-    pub(crate) null_probability: N,
-    /// The collision; none: they got to the flight's end.
+    /// The collision; none: they got to the segment's end.
     pub(crate) collision: Option<Collision>,
 }
-
-/// Where a flight ended for those channels that did not end with the first, for media whose channels part: three channels end at three points at most.
-pub(crate) type Parted<N> = SmallVec<[Ending<N>; 2]>;
-
-/// The same for media whose channels do not part.
-pub(crate) type Together = [Ending<f32>; 0];
 
 /// What a shadow ray found.
 #[derive(Debug, Clone, Copy)]
@@ -121,34 +113,28 @@ impl Methods {
 
 /// All media of a scene.
 pub(crate) trait Media: Sync {
-    /// Probability of null decisions: of all channels at once, or of each.
-    type Nulls: Spectrum + Send;
-    /// Whether the channels of a path may part.
-    const PARTS: bool = false;
-    /// What gets the endings of parted channels.
-    type Others: Default + IntoIterator<Item = Ending<Self::Nulls>>;
-    /// Whether it matters where a ray starts: else nobody keeps account of it.
-    const LAWS: bool = false;
+    /// How channels share a path.
+    type Channels: ChannelMode;
 
-    /// Flies to the next real collision before the end of the leg; `None` when the ray gets there. `first`: stratified majorant depth of the first collision, and
-    /// a stratified uniform number for what it is taken for.
+    /// Flies to the next real collision before the end of the segment, with throughput `beta`. `first`: stratified majorant depth of the first collision, and a
+    /// stratified uniform number for what it is taken for.
     ///
-    /// Where channels part, throughput and collision are those of some channels, and `others` gets the rest.
+    /// Where channels decouple, what is returned is the end of some of them, and `decoupled` gets the rest.
     fn flight<R: Rng>(
         &self,
-        leg: Leg<'_>,
+        segment: RaySegment<'_>,
+        beta: Vec3,
         first: Option<[f32; 2]>,
-        flown: &mut Flown<Self::Nulls>,
-        others: &mut Self::Others,
+        decoupled: &mut <Self::Channels as ChannelMode>::Decoupled,
         rng: &mut R,
         tally: &mut Tally,
-    ) -> Option<Collision>;
+    ) -> FlightEnd<<Self::Channels as ChannelMode>::Nulls>;
 
-    /// An estimate of the transmittance of a leg that ends at a place which is correlated with no medium, for the channels that have throughput in `beta`.
-    /// Walks whose product falls below `threshold` are played roulette.
+    /// An estimate of the transmittance of a segment that ends at a place which is correlated with no medium, for the channels that have throughput in `beta`.
+    /// Walks whose product falls below `threshold` undergo Russian roulette.
     fn transmittance<R: Rng>(
         &self,
-        leg: Leg<'_>,
+        segment: RaySegment<'_>,
         threshold: f32,
         beta: Vec3,
         rng: &mut R,
@@ -164,7 +150,7 @@ pub(crate) trait Media: Sync {
         visit: impl FnMut(Vec3, PhaseAt<'_>),
     );
 
-    /// The part of a ray up to `t_max` that may hold extinction.
+    /// The interval of a ray up to `t_max` that may hold extinction.
     fn extent(&self, ray: &Ray, t_max: f64) -> Option<(f64, f64)>;
 
     /// Phase function and albedo at a collision of a ray along `incoming`.
@@ -175,4 +161,7 @@ pub(crate) trait Media: Sync {
         incoming: Vec3,
         rng: &mut R,
     ) -> (PhaseAt<'_>, Vec3);
+
+    /// Whether it matters where a ray starts: some medium has a transmittance function that is not exponential.
+    fn starts_matter(&self) -> bool;
 }

@@ -4,7 +4,7 @@ use crate::Error;
 use crate::chart::{Axis, Cell, Chart, Plot, Provenance, Series, Table};
 use pileus_film::Film;
 use pileus_integrator::{
-    Counters, Distance, Pilot, Plan, RenderSettings, Transmittance, Unmonitored, render,
+    Counters, Distance, RecordedRays, RenderSettings, Renderer, Transmittance, Unmonitored,
 };
 use pileus_media::distance::DistanceSampler;
 use pileus_media::transmittance::Estimator;
@@ -35,13 +35,12 @@ fn name_of(run: &Run) -> String {
     }
 }
 
-struct Run {
+struct Run<'a> {
     structure: MajorantStructure,
     /// Whether it runs a kernel compiled for it alone.
     own_kernel: bool,
     predicted: StructureCost,
-    settings: RenderSettings,
-    plan: Plan,
+    renderer: Renderer<'a>,
     counters: Counters,
     seconds: f64,
     cells: u64,
@@ -67,8 +66,8 @@ pub fn chart_majorants(
         ..settings.clone()
     };
     let pilot = {
-        let plan = Plan::new(scene, &base).map_err(Error::Render)?;
-        Pilot::new(scene, &plan, &base, PILOT_PATHS)
+        let renderer = Renderer::new(scene, &base).map_err(Error::Render)?;
+        RecordedRays::new(&renderer, PILOT_PATHS)
     };
     let mut notes = vec![format!(
         "Predicted: the majorants' optical depth and the cells along the rays of {PILOT_PATHS} pilot paths, traced once under the default structure. Measured: what whole \
@@ -94,9 +93,9 @@ pub fn chart_majorants(
     for (structure, own_kernel) in own.chain(structures().into_iter().map(|s| (s, false))) {
         let settings =
             RenderSettings { majorants: structure, shared_kernel: !own_kernel, ..base.clone() };
-        match Plan::new(scene, &settings) {
+        match Renderer::new(scene, &settings) {
             Err(error) => notes.push(format!("Left out: {}: {error}", structure.name())),
-            Ok(plan) => {
+            Ok(renderer) => {
                 let predicted = pilot.cost(scene, structure, 1.0).map_err(Error::Render)?;
                 let (mut cells, mut bytes, mut build) = (0, 0, 0.0);
                 for volume in &scene.volumes {
@@ -113,8 +112,7 @@ pub fn chart_majorants(
                     structure,
                     own_kernel,
                     predicted,
-                    settings,
-                    plan,
+                    renderer,
                     counters,
                     seconds: 0.0,
                     cells,
@@ -127,10 +125,10 @@ pub fn chart_majorants(
     let mut sample = 0;
     while runs.iter().any(|run| run.seconds < seconds) {
         for run in runs.iter_mut().filter(|run| run.seconds < seconds) {
-            let settings = RenderSettings { samples: sample..sample + 4, ..run.settings.clone() };
             let mut film = Film::new(scene.camera.resolution(), None)?;
             let start = Instant::now();
-            let counters = render(scene, &run.plan, &settings, &mut film, &Unmonitored);
+            let samples = sample..sample + 4;
+            let counters = run.renderer.render_samples(samples, &mut film, &Unmonitored);
             run.seconds += start.elapsed().as_secs_f64();
             run.counters.merge(&counters.map_err(Error::Render)?);
         }

@@ -6,7 +6,7 @@ use crate::difference::{difference_image, difference_view};
 use crate::{Error, block_z_test};
 use pileus_film::{Curve, Film, Image, ToneMap, png_bytes, preview_rgb8};
 use pileus_integrator::{
-    Counters, Distance, LightSampling, Plan, RenderSettings, Transmittance, Unmonitored, render,
+    Counters, Distance, LightSampling, RenderSettings, Renderer, Transmittance, Unmonitored,
 };
 use pileus_media::MajorantStructure;
 use pileus_media::distance::DistanceSampler;
@@ -167,9 +167,9 @@ pub struct RenderExperiment<'a> {
     pub peers: Vec<(String, f64, f64)>,
 }
 
-struct Run {
+struct Run<'a> {
     method: RenderMethod,
-    plan: Plan,
+    renderer: Renderer<'a>,
     film: Film,
     counters: Counters,
     seconds: f64,
@@ -179,14 +179,14 @@ struct Run {
     done: bool,
 }
 
-impl Run {
+impl Run<'_> {
     /// Whether the methods have the right mean; limits that a job sets count for all methods alike.
     fn is_unbiased(&self) -> bool {
-        let estimator = match self.plan.transmittance {
+        let estimator = match self.renderer.plan().transmittance {
             Transmittance::By(estimator) => estimator.is_unbiased(),
             Transmittance::Auto => true,
         };
-        let sampler = match self.plan.distance {
+        let sampler = match self.renderer.plan().distance {
             Distance::By(sampler) => sampler.is_unbiased(),
             Distance::Auto | Distance::Split | Distance::Equiangular => true,
         };
@@ -194,12 +194,13 @@ impl Run {
     }
 
     /// Renders up to `spp` samples per pixel in total.
-    fn extend(&mut self, experiment: &RenderExperiment<'_>, spp: u64) -> Result<(), Error> {
-        let settings = self.method.settings(&experiment.settings, self.film.samples()..spp);
+    fn extend(&mut self, spp: u64) -> Result<(), Error> {
+        let samples = self.film.samples()..spp;
         let start = Instant::now();
-        let counters =
-            render(experiment.scene, &self.plan, &settings, &mut self.film, &Unmonitored)
-                .map_err(Error::Render)?;
+        let counters = self
+            .renderer
+            .render_samples(samples, &mut self.film, &Unmonitored)
+            .map_err(Error::Render)?;
         self.last = start.elapsed().as_secs_f64();
         self.seconds += self.last;
         self.counters.merge(&counters);
@@ -221,18 +222,18 @@ pub fn chart_render(experiment: &RenderExperiment<'_>) -> Result<Chart, Error> {
             seed: settings.seed ^ 0x5eed_0f2e_fe2e_9ce5,
             ..settings.clone()
         };
-        let plan = Plan::new(scene, &settings).map_err(Error::Render)?;
+        let renderer = Renderer::new(scene, &settings).map_err(Error::Render)?;
         let mut film = Film::new(resolution, None)?;
-        render(scene, &plan, &settings, &mut film, &Unmonitored).map_err(Error::Render)?;
+        renderer.render(&mut film, &Unmonitored).map_err(Error::Render)?;
         film
     };
     let (truth, truth_variance) = (reference.image(), reference.variance());
     let mut runs = Vec::new();
     for method in &experiment.methods {
-        match Plan::new(scene, &method.settings(settings, 0..1)) {
-            Ok(plan) => runs.push(Run {
+        match Renderer::new(scene, &method.settings(settings, 0..1)) {
+            Ok(renderer) => runs.push(Run {
                 method: *method,
-                plan,
+                renderer,
                 film: Film::new(resolution, None)?,
                 counters: Counters::default(),
                 seconds: 0.0,
@@ -246,7 +247,7 @@ pub fn chart_render(experiment: &RenderExperiment<'_>) -> Result<Chart, Error> {
     let mut spp = 2;
     while runs.iter().any(|run| !run.done) && spp <= experiment.reference_spp {
         for run in runs.iter_mut().filter(|run| !run.done) {
-            run.extend(experiment, spp)?;
+            run.extend(spp)?;
             let error = rel_mse(&run.film, &truth, &truth_variance)?;
             run.points.push([run.seconds, error.against_reference]);
             // The next doubling takes as long as all so far.
@@ -293,7 +294,7 @@ pub fn chart_render(experiment: &RenderExperiment<'_>) -> Result<Chart, Error> {
         };
         table.push(vec![
             run.method.name().into(),
-            format!("{}+{}", run.plan.distance.name(), run.plan.transmittance.name()).into(),
+            format!("{}+{}", run.renderer.plan().distance.name(), run.renderer.plan().transmittance.name()).into(),
             Cell::Count(run.film.samples()),
             run.seconds.into(),
             (*error).into(),

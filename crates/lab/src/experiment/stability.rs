@@ -6,7 +6,7 @@ use super::stress::{Stress, Subject, all_stresses};
 use crate::Error;
 use crate::chart::{Axis, Cell, Chart, Plot, Provenance, Series, Table};
 use pileus_film::{Film, Filter};
-use pileus_integrator::{Distance, Plan, RenderSettings, Transmittance, Unmonitored, render};
+use pileus_integrator::{Distance, RenderSettings, Renderer, Transmittance, Unmonitored};
 use pileus_media::distance::{DistanceSampler, Flight};
 use pileus_media::law::{Law, Passage, Power, Start};
 use pileus_media::transmittance::{Estimator, Telescope, debiased_under_law, exact_under_law};
@@ -356,11 +356,10 @@ fn render_picture(
         Method::Equiangular => RenderSettings { distance: Distance::Equiangular, ..base },
         Method::UnderLaw(_) => base,
     };
-    let plan = Plan::new(scene, &settings).map_err(Error::Render)?;
+    let renderer = Renderer::new(scene, &settings).map_err(Error::Render)?;
     let [width, height] = scene.camera.resolution();
     let mut film = Film::new([width, height], None)?;
-    let counters =
-        render(scene, &plan, &settings, &mut film, &Unmonitored).map_err(Error::Render)?;
+    let counters = renderer.render(&mut film, &Unmonitored).map_err(Error::Render)?;
     let (image, variance) = (film.image(), film.variance());
     let (mut difference, mut noise, mut truth) = (0.0f64, 0.0f64, 0.0f64);
     let mut worst = 1.0f64;

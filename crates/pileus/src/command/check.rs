@@ -1,7 +1,5 @@
 //! `pileus check`.
 
-use pileus_integrator::Plan;
-
 use crate::cli::InputOptions;
 use crate::command::{Prepared, prepare_to_write};
 use crate::failure::Failure;
@@ -12,7 +10,7 @@ pub(crate) fn run(options: &InputOptions, report: &Report) -> Result<(), Failure
     // No path is traced: it takes as long as loading does.
     let overrides = Overrides::default();
     let Prepared { settings, loaded, .. } =
-        prepare_to_write(Plan::without_paths, options, &overrides)?;
+        prepare_to_write(options, &overrides)?;
     // What only the film can refuse, a crop outside the image for one.
     pileus_film::Film::new(loaded.scene.camera.resolution(), settings.crop)?;
     let [width, height] = loaded.scene.camera.resolution();

@@ -9,8 +9,8 @@ pub(crate) mod probe;
 pub(crate) mod render;
 pub(crate) mod schema;
 
-use pileus_integrator::{Plan, RenderSettings};
-use pileus_scene::{Loaded, Scene, VolumeSource};
+use pileus_integrator::Plan;
+use pileus_scene::{Loaded, VolumeSource};
 
 use crate::cli::InputOptions;
 use crate::failure::Failure;
@@ -28,22 +28,18 @@ pub(crate) struct Prepared {
 /// Resolves and loads what a command was given, plans it, and logs what was chosen, left out or is
 /// probably not meant.
 pub(crate) fn prepare(input: &InputOptions, overrides: &Overrides) -> Result<Prepared, Failure> {
-    load(resolve(input, overrides)?, Plan::new)
+    load(resolve(input, overrides)?)
 }
-
-/// Makes the plan of a scene: [`Plan::new`], or [`Plan::without_paths`] for what has to be quick.
-pub(crate) type Planned = fn(&Scene, &RenderSettings) -> Result<Plan, pileus_integrator::Error>;
 
 /// As [`prepare`], for commands whose outputs must be writable and overwrite nothing: what can be
 /// known of that is looked at before anything is loaded.
 pub(crate) fn prepare_to_write(
-    planned: Planned,
     input: &InputOptions,
     overrides: &Overrides,
 ) -> Result<Prepared, Failure> {
     let settings = resolve(input, overrides)?;
     outputs::check(&settings.reads(None), &settings.targets(0))?;
-    let prepared = load(settings, planned)?;
+    let prepared = load(settings)?;
     let Prepared { settings, loaded, .. } = &prepared;
     let [width, height] = match settings.crop {
         Some(crop) => [crop.width, crop.height],
@@ -59,7 +55,7 @@ fn resolve(input: &InputOptions, overrides: &Overrides) -> Result<Settings, Fail
     Settings::resolve(Input::open(&input.input, &input.vdb_options())?, &overrides)
 }
 
-fn load(mut settings: Settings, planned: Planned) -> Result<Prepared, Failure> {
+fn load(mut settings: Settings) -> Result<Prepared, Failure> {
     let loaded = settings.load()?;
     for note in &loaded.notes {
         tracing::info!("{note}");
@@ -84,7 +80,7 @@ fn load(mut settings: Settings, planned: Planned) -> Result<Prepared, Failure> {
             );
         }
     }
-    let plan = planned(&loaded.scene, &settings.render)?;
+    let plan = Plan::new(&loaded.scene, &settings.render)?;
     // What the plan adds to what the files say.
     for item in plan.not_modelled.iter().skip(loaded.scene.not_modelled.len()) {
         tracing::warn!("not modelled: {item}");

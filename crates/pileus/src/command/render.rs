@@ -5,7 +5,7 @@ use std::path::Path;
 use std::time::Instant;
 
 use pileus_film::{ExrSettings, Film, Image, ToneMap, write_atomically, write_exr, write_png};
-use pileus_integrator::{Monitor, PathCost, Plan};
+use pileus_integrator::{Monitor, PathCost, Renderer};
 use serde::Serialize;
 
 use crate::cli::RenderOptions;
@@ -33,14 +33,19 @@ impl Monitor for Watch<'_> {
 pub(crate) fn run(options: &RenderOptions, report: &Report) -> Result<(), Failure> {
     let start = Instant::now();
     let signals = Signals::handled();
-    let Prepared { settings, loaded, mut plan } =
-        prepare_to_write(Plan::new, &options.input, &options.overrides())?;
+    let Prepared { settings, loaded, .. } =
+        prepare_to_write(&options.input, &options.overrides())?;
     let scene = &loaded.scene;
     if let Some(path) = &options.save_job {
         write_json(path, &settings.saved_job())?;
         tracing::info!("{}: the job, to go on from", path.display());
     }
-    tracing::debug!("plan:\n{plan}");
+    let renderer = Renderer::new(scene, &settings.render)?;
+    let prepass = renderer.prepass();
+    for warning in &prepass.warnings {
+        tracing::warn!("{warning}");
+    }
+    tracing::debug!("plan:\n{}{prepass}", renderer.plan());
     let mut film = Film::new(scene.camera.resolution(), settings.crop)?;
     let mut seconds =
         Seconds { load: loaded.seconds_load, build: loaded.seconds_build, ..Seconds::default() };
@@ -52,7 +57,7 @@ pub(crate) fn run(options: &RenderOptions, report: &Report) -> Result<(), Failur
     let watch = Watch { signals, progress: &progress };
     let sampling = Instant::now();
     signals.wait_for_the_first();
-    let counters = pileus_integrator::render(scene, &plan, &settings.render, &mut film, &watch);
+    let counters = renderer.render(&mut film, &watch);
     seconds.render = sampling.elapsed().as_secs_f64();
     progress.finish();
     let counters = counters?;
@@ -68,7 +73,7 @@ pub(crate) fn run(options: &RenderOptions, report: &Report) -> Result<(), Failur
     if counters.violations > 0 && settings.render.majorant_scale >= 1.0 {
         tracing::error!("{} lookups exceeded their majorant: this is a bug", counters.violations);
     }
-    plan.settle(&counters);
+    let plan = renderer.plan().clone().settled(&counters);
     if counters.cut_by_max_events > 0 {
         tracing::warn!(
             "{} of {} paths were cut by sampling.max_events: what they would have brought is missing",
@@ -118,7 +123,7 @@ pub(crate) fn run(options: &RenderOptions, report: &Report) -> Result<(), Failur
         samples: film.samples(),
         counters: &counters,
         peak_memory_bytes: Stats::peak_memory(),
-        plan: PlanAndCost { plan: &plan, measured },
+        plan: PlanAndCost { plan: &plan, predicted: prepass.predicted, measured },
         version: VERSION,
         job_hash: &job_hash,
         interrupted: was_interrupted,
@@ -142,7 +147,7 @@ pub(crate) fn run(options: &RenderOptions, report: &Report) -> Result<(), Failur
     if let (Some(measured), false) = (measured, plan.volumes.is_empty()) {
         tracing::debug!("measured: {measured}");
     }
-    if let Some(predicted) = plan.predicted {
+    if let Some(predicted) = prepass.predicted {
         tracing::debug!("expected: {predicted}");
     }
     // Also when the last pass was done: who stops one render means those that would follow.

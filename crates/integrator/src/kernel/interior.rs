@@ -14,24 +14,24 @@ use smallvec::SmallVec;
 
 /// The bodies that a path is in and what fills them, the one entered last at the end.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Inside(SmallVec<[(Wall, Interior); 2]>);
+pub(crate) struct MediumStack(SmallVec<[(Boundary, Interior); 2]>);
 
 /// What tells bodies apart: the instance and the material of their surface.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-struct Wall {
+struct Boundary {
     instance: u32,
     material: u32,
 }
 
-impl Wall {
-    fn of(surface: &Interaction) -> Wall {
-        Wall { instance: surface.instance, material: surface.material }
+impl Boundary {
+    fn of(surface: &Interaction) -> Boundary {
+        Boundary { instance: surface.instance, material: surface.material }
     }
 
     /// The place among bodies entered of the one that is left through this wall.
     fn left(
         self,
-        bodies: impl DoubleEndedIterator<Item = Wall> + ExactSizeIterator + Clone,
+        bodies: impl DoubleEndedIterator<Item = Boundary> + ExactSizeIterator + Clone,
     ) -> Option<usize> {
         let mut own = bodies.clone();
         own.rposition(|wall| wall == self).or_else(|| {
@@ -47,20 +47,20 @@ const CLEAR: Interior = Interior { sigma_a: Vec3::ZERO, sigma_s: Vec3::ZERO, g: 
 /// Crossings after which a search for the bodies around a point gives up.
 const MOST_CROSSINGS: usize = 4096;
 
-impl Inside {
+impl MediumStack {
     /// No body.
-    pub(crate) fn new() -> Inside {
-        Inside::default()
+    pub(crate) fn new() -> MediumStack {
+        MediumStack::default()
     }
 
     /// The bodies around a point: those that a ray leaves without having entered them. Of three rays two have to agree, so that meshes which are not closed
     /// and rays along edges do not count.
-    pub(crate) fn around(surfaces: &Surfaces, p: DVec3) -> Inside {
+    pub(crate) fn around(surfaces: &Surfaces, p: DVec3) -> MediumStack {
         let [a, b, c] =
             [Vec3::new(0.36, 0.48, 0.8), Vec3::new(-0.8, 0.36, -0.48), Vec3::new(0.48, -0.8, 0.36)]
-                .map(|direction| Inside::left_by(surfaces, p, direction));
-        let walls = |inside: &Inside| {
-            let mut walls: SmallVec<[Wall; 2]> = inside.0.iter().map(|body| body.0).collect();
+                .map(|direction| MediumStack::left_by(surfaces, p, direction));
+        let walls = |inside: &MediumStack| {
+            let mut walls: SmallVec<[Boundary; 2]> = inside.0.iter().map(|body| body.0).collect();
             walls.sort_unstable();
             walls
         };
@@ -69,13 +69,13 @@ impl Inside {
         } else if walls(&b) == walls(&c) {
             b
         } else {
-            Inside::new()
+            MediumStack::new()
         }
     }
 
-    fn left_by(surfaces: &Surfaces, p: DVec3, direction: Vec3) -> Inside {
+    fn left_by(surfaces: &Surfaces, p: DVec3, direction: Vec3) -> MediumStack {
         let mut rng = Pcg32::new(0, 0);
-        let (mut left, mut entered) = (Inside::new(), SmallVec::<[Wall; 4]>::new());
+        let (mut left, mut entered) = (MediumStack::new(), SmallVec::<[Boundary; 4]>::new());
         let mut last: Option<Interaction> = None;
         for _ in 0..MOST_CROSSINGS {
             let hit = match &last {
@@ -90,7 +90,7 @@ impl Inside {
             if parameters.thin_walled || opaque {
                 continue;
             }
-            let wall = Wall::of(&interaction);
+            let wall = Boundary::of(&interaction);
             if interaction.front_face {
                 entered.push(wall);
             } else if let Some(i) = wall.left(entered.iter().copied()) {
@@ -122,9 +122,17 @@ impl Inside {
     /// Crosses the surface of a body to its other side.
     pub(crate) fn cross(&mut self, surface: &Interaction) {
         if surface.front_face {
-            self.0.push((Wall::of(surface), surface.interior.unwrap_or(CLEAR)));
+            self.0.push((Boundary::of(surface), surface.interior.unwrap_or(CLEAR)));
         } else if let Some(i) = self.position(surface) {
             self.0.remove(i);
+        }
+    }
+
+    /// A path goes through a surface.
+    #[inline]
+    pub(crate) fn pass_through(&mut self, surface: &Interaction) {
+        if !surface.parameters.thin_walled {
+            self.cross(surface);
         }
     }
 
@@ -139,7 +147,7 @@ impl Inside {
     }
 
     fn position(&self, surface: &Interaction) -> Option<usize> {
-        Wall::of(surface).left(self.0.iter().map(|body| body.0))
+        Boundary::of(surface).left(self.0.iter().map(|body| body.0))
     }
 }
 

@@ -6,8 +6,8 @@
 //! nothing is counted twice. Lights with extent are met by the paths that pass the pane; shadow
 //! rays to them are stopped by it, and what is drawn as a delta lobe has weight one.
 
-use crate::interior::{self, Inside};
-use crate::media::{Leg, Media, Ray, Shadow, Start};
+use super::interior::{self, MediumStack};
+use crate::media::{Media, Ray, RaySegment, Shadow, StartCorrelation};
 use glam::Vec3;
 use pileus_media::Tally;
 use pileus_scene::{Bsdf, Interaction, Surfaces};
@@ -34,7 +34,7 @@ impl Passage {
         surfaces: &Surfaces,
         (ray, from): (&Ray, Option<&Interaction>),
         distance: f64,
-        mut inside: Inside,
+        mut inside: MediumStack,
         rng: &mut R,
     ) -> Option<Passage> {
         let mut passage = Passage { attenuation: Vec3::ONE, crossed: SmallVec::new() };
@@ -79,16 +79,16 @@ impl Passage {
     pub(crate) fn transmittance<M: Media, R: Rng>(
         &self,
         media: &M,
-        (leg, threshold): (Leg<'_>, f32),
+        (segment, threshold): (RaySegment<'_>, f32),
         beta: Vec3,
         rng: &mut R,
         tally: &mut Tally,
     ) -> Shadow {
         let mut shadow = Shadow::CLEAR;
-        let (mut begin, mut start): (f64, Start) = (0.0, leg.start);
-        for end in self.crossed.iter().copied().chain([leg.t_max]) {
-            let ray = Ray { origin: leg.ray.at(begin), direction: leg.ray.direction };
-            let part = Leg { ray: &ray, start, t_max: end - begin };
+        let (mut begin, mut start): (f64, StartCorrelation) = (0.0, segment.start);
+        for end in self.crossed.iter().copied().chain([segment.t_max]) {
+            let ray = Ray { origin: segment.ray.at(begin), direction: segment.ray.direction };
+            let part = RaySegment { ray: &ray, start, t_max: end - begin };
             shadow.transmittance *=
                 media.transmittance(part, threshold, beta, rng, tally).transmittance;
             (begin, start) = (end, None);

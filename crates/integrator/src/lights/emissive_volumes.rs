@@ -1,6 +1,6 @@
 //! Volumes that give off light, as what paths are drawn to.
 //!
-//! No shadow rays are sent to fires: a share of the directions in which paths go on is drawn by what the vertex sees of them, and the flight collects whatever lies on its way, light that smoke
+//! No shadow rays are sent to emissive volumes: a share of the directions in which paths go on is drawn by what the vertex sees of them, and the flight collects whatever lies on its way, light that smoke
 //! scatters included. The density of the mixture is known, so that nothing else needs weights.
 
 use glam::{DVec3, Vec3};
@@ -10,21 +10,21 @@ use pileus_scene::{Scene, Volume};
 use smallvec::SmallVec;
 use std::sync::Arc;
 
-/// Share of directions drawn by fires, where they are all the light there is.
+/// Share of directions drawn by emissive volumes, where they are all the light there is.
 const SHARE_AT_SURFACES: f32 = 0.75;
 const SHARE_IN_MEDIA: f32 = 0.5;
 
 /// Part of that which is kept whatever other light there is: it may not arrive.
 const LEAST_PART: f32 = 1.0 / 3.0;
 
-/// All fires of a scene.
+/// All emissive volumes of a scene.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Fires {
-    fires: Vec<Fire>,
+pub(crate) struct EmissiveVolumes {
+    volumes: Vec<EmissiveVolume>,
 }
 
 #[derive(Debug, Clone)]
-struct Fire {
+struct EmissiveVolume {
     directions: Arc<EmissionDirections>,
     centre: DVec3,
     /// Square of half its size: within it, it is no nearer.
@@ -32,20 +32,20 @@ struct Fire {
     power: f64,
 }
 
-/// How a vertex is drawn to fires.
+/// How a vertex is drawn to emissive volumes.
 #[derive(Debug, Clone)]
-pub(crate) struct Guide {
-    /// Probability of drawing a direction by the fires.
+pub(crate) struct EmissionMixture {
+    /// Probability of drawing a direction by the emissive volumes.
     pub(crate) share: f32,
-    /// Of each fire: the probability of its choice, and how it is seen.
+    /// Of each volume: the probability of its choice, and how it is seen.
     views: SmallVec<[(f32, EmissionView); 1]>,
 }
 
-impl Fire {
-    /// A fire seen through all volumes of a scene; `None` if nothing emits.
-    fn new(scene: &Scene, field: &pileus_media::EmissionField) -> Option<Fire> {
+impl EmissiveVolume {
+    /// An emissive volume seen through all volumes of a scene; `None` if nothing emits.
+    fn new(scene: &Scene, field: &pileus_media::EmissionField) -> Option<EmissiveVolume> {
         let (low, high) = field.bounds_world()?;
-        // Somewhat more than the fire, as the tables are.
+        // Somewhat more than the volume, as the tables are.
         let more = high - low;
         let near = |volume: &&Volume| {
             volume.medium.bounds_world().is_none_or(|(from, to)| {
@@ -60,7 +60,7 @@ impl Fire {
         let sigma_t = |p: DVec3| {
             media.iter().zip(&mean).map(|(medium, mean)| mean * medium.sigma_t_at(p)).sum()
         };
-        Some(Fire {
+        Some(EmissiveVolume {
             directions: Arc::new(EmissionDirections::new(field, sigma_t)?),
             centre: 0.5 * (low + high),
             size2: (0.5 * (high - low)).length_squared() / 3.0,
@@ -75,24 +75,24 @@ impl Fire {
     }
 }
 
-impl Fires {
-    pub(crate) fn new(scene: &Scene) -> Fires {
-        Fires { fires: scene.fires().filter_map(|field| Fire::new(scene, field)).collect() }
+impl EmissiveVolumes {
+    pub(crate) fn new(scene: &Scene) -> EmissiveVolumes {
+        EmissiveVolumes { volumes: scene.fires().filter_map(|field| EmissiveVolume::new(scene, field)).collect() }
     }
 
     pub(crate) fn is_empty(&self) -> bool {
-        self.fires.is_empty()
+        self.volumes.is_empty()
     }
 
-    /// How a vertex at `p`, in a medium or at a surface, is drawn to the fires beside other light of which it would scatter `others` if it did so in all directions alike. A function of
-    /// these alone; `None` if no fire is seen.
-    pub(crate) fn guide(&self, p: DVec3, in_medium: bool, others: f32) -> Option<Guide> {
+    /// How a vertex at `p`, in a medium or at a surface, is drawn to the emissive volumes beside other light of which it would scatter `others` if it did so in all directions alike. A function of
+    /// these alone; `None` if none is seen.
+    pub(crate) fn emission_mixture(&self, p: DVec3, in_medium: bool, others: f32) -> Option<EmissionMixture> {
         let mut views: SmallVec<[(f32, EmissionView); 1]> = self
-            .fires
+            .volumes
             .iter()
-            .map(|fire| {
-                let view = fire.directions.view(p);
-                (if view.sees() { fire.received(p) } else { 0.0 }, view)
+            .map(|volume| {
+                let view = volume.directions.view(p);
+                (if view.sees() { volume.received(p) } else { 0.0 }, view)
             })
             .collect();
         let total: f32 = views.iter().map(|(received, _)| received).sum();
@@ -104,15 +104,15 @@ impl Fires {
         }
         let part = total * ISOTROPIC / (total * ISOTROPIC + others.max(0.0));
         let most = if in_medium { SHARE_IN_MEDIA } else { SHARE_AT_SURFACES };
-        Some(Guide { share: most * (LEAST_PART + (1.0 - LEAST_PART) * part), views })
+        Some(EmissionMixture { share: most * (LEAST_PART + (1.0 - LEAST_PART) * part), views })
     }
 
-    /// A direction towards a fire; `None`, rarely, where rounding leaves none: the path ends then.
-    pub(crate) fn sample(&self, guide: &Guide, mut u: [f32; 4]) -> Option<Vec3> {
-        for (fire, (probability, view)) in self.fires.iter().zip(&guide.views) {
+    /// A direction towards an emissive volume; `None`, rarely, where rounding leaves none: the path ends then.
+    pub(crate) fn sample(&self, mixture: &EmissionMixture, mut u: [f32; 4]) -> Option<Vec3> {
+        for (volume, (probability, view)) in self.volumes.iter().zip(&mixture.views) {
             if u[0] < *probability {
                 u[0] = (u[0] / probability).min(1.0 - f32::EPSILON);
-                return fire.directions.sample(view, u);
+                return volume.directions.sample(view, u);
             }
             u[0] -= probability;
         }
@@ -120,13 +120,13 @@ impl Fires {
     }
 
     /// Density of a direction in which a path goes on, 1/sr, if scattering alone draws it with density `own`.
-    pub(crate) fn pdf(&self, guide: &Guide, wi: Vec3, own: f32) -> f32 {
+    pub(crate) fn pdf(&self, mixture: &EmissionMixture, wi: Vec3, own: f32) -> f32 {
         let mut pdf = 0.0;
-        for (fire, (probability, view)) in self.fires.iter().zip(&guide.views) {
+        for (volume, (probability, view)) in self.volumes.iter().zip(&mixture.views) {
             if *probability > 0.0 {
-                pdf += probability * fire.directions.pdf(view, wi);
+                pdf += probability * volume.directions.pdf(view, wi);
             }
         }
-        guide.share * pdf + (1.0 - guide.share) * own
+        mixture.share * pdf + (1.0 - mixture.share) * own
     }
 }

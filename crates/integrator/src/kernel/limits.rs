@@ -51,6 +51,12 @@ impl<'a> PathLimits<'a> {
         PathLimits { max_events, first_look, ..self }
     }
 
+    /// These limits with at most `max_bounces` bounces.
+    pub(crate) fn with_max_bounces(self, max_bounces: u32) -> PathLimits<'a> {
+        let max_bounces = self.max_bounces.min(max_bounces);
+        PathLimits { max_bounces, first_look: self.first_look.min(max_bounces), ..self }
+    }
+
     /// Most bounces of a path.
     pub(crate) fn max_bounces(&self) -> u32 {
         self.max_bounces

@@ -1,0 +1,149 @@
+//! What a path can meet besides media: nothing, or surfaces and emissive volumes. Kernels for volumes only have none of this compiled.
+
+use super::interior::MediumStack;
+use super::surface::SurfacePath;
+use crate::media::Ray;
+use glam::{DVec3, Vec3};
+use pileus_media::EmissionField;
+use pileus_scene::{Hit, Interaction, Surfaces};
+use rand_core::Rng;
+use std::sync::Arc;
+
+/// Luminance of linear Rec. 709.
+#[inline(always)]
+pub(crate) fn luminance(c: Vec3) -> f32 {
+    c.dot(Vec3::new(0.2126, 0.7152, 0.0722))
+}
+
+/// What a kernel is compiled with.
+pub(crate) trait World: Sync {
+    /// Whether there is anything: all else is left out if not.
+    const SURFACES: bool;
+
+    /// What a path carries on account of it.
+    type Carried: Clone;
+
+    /// What a path from the camera carries.
+    fn begin(&self) -> Self::Carried;
+
+    /// What a path carries on account of surfaces.
+    fn of(carried: &Self::Carried) -> Option<&SurfacePath>;
+
+    /// What a path carries on account of surfaces, to be changed.
+    fn of_mut(carried: &mut Self::Carried) -> Option<&mut SurfacePath>;
+
+    /// The triangles.
+    fn surfaces(&self) -> Option<&Surfaces>;
+
+    /// Volumes that emit light.
+    fn emissive_volumes(&self) -> &[Arc<EmissionField>];
+
+    /// The nearest surface on a ray; `camera`: it is still the camera's own, which backs of
+    /// single-sided surfaces do not stop.
+    #[inline(always)]
+    fn intersect<R: Rng>(&self, ray: &Ray, camera: bool, rng: &mut R) -> Option<Hit> {
+        let surfaces = self.surfaces()?;
+        if camera {
+            return surfaces.seen(ray.origin, ray.direction, f64::INFINITY, rng);
+        }
+        surfaces.intersect(ray.origin, ray.direction, f64::INFINITY, rng)
+    }
+
+    /// The surfaces, if light may go straight through one of them.
+    #[inline(always)]
+    fn panes(&self) -> Option<&Surfaces> {
+        self.surfaces().filter(|surfaces| surfaces.has_panes())
+    }
+
+    /// The surface that a ray meets next in the very place that it leaves: of faces that coincide the one behind.
+    #[inline(always)]
+    fn next_layer<R: Rng>(&self, from: &Interaction, wi: Vec3, rng: &mut R) -> Option<Hit> {
+        self.surfaces()?.next_layer(from, wi, rng)
+    }
+
+    /// Whether a surface hides what lies at `distance`, or at `end` if that is a point of an emissive triangle.
+    #[inline(always)]
+    fn occluded<R: Rng>(
+        &self,
+        ray: &Ray,
+        distance: f64,
+        end: Option<(DVec3, u32)>,
+        rng: &mut R,
+    ) -> bool {
+        let Some(surfaces) = self.surfaces() else { return false };
+        match end {
+            Some((end, emitter)) => surfaces.hides_lamp(ray.origin, end, emitter, rng),
+            None => surfaces.occluded(ray.origin, ray.direction, distance, rng),
+        }
+    }
+}
+
+/// Nothing but media.
+pub(crate) struct VolumesOnly;
+
+impl World for VolumesOnly {
+    const SURFACES: bool = false;
+    type Carried = ();
+
+    #[inline(always)]
+    fn begin(&self) {}
+
+    #[inline(always)]
+    fn of((): &()) -> Option<&SurfacePath> {
+        None
+    }
+
+    #[inline(always)]
+    fn of_mut((): &mut ()) -> Option<&mut SurfacePath> {
+        None
+    }
+
+    #[inline(always)]
+    fn surfaces(&self) -> Option<&Surfaces> {
+        None
+    }
+
+    #[inline(always)]
+    fn emissive_volumes(&self) -> &[Arc<EmissionField>] {
+        &[]
+    }
+}
+
+/// Media, surfaces and emissive volumes.
+#[derive(Debug, Clone)]
+pub(crate) struct VolumesAndSurfaces<'a> {
+    pub(crate) surfaces: Option<&'a Surfaces>,
+    pub(crate) emissive_volumes: &'a [Arc<EmissionField>],
+    /// The interior media that the camera is in.
+    pub(crate) camera_in: MediumStack,
+}
+
+impl World for VolumesAndSurfaces<'_> {
+    const SURFACES: bool = true;
+    type Carried = SurfacePath;
+
+    #[inline(always)]
+    fn begin(&self) -> SurfacePath {
+        SurfacePath::begin(&self.camera_in)
+    }
+
+    #[inline(always)]
+    fn of(carried: &SurfacePath) -> Option<&SurfacePath> {
+        Some(carried)
+    }
+
+    #[inline(always)]
+    fn of_mut(carried: &mut SurfacePath) -> Option<&mut SurfacePath> {
+        Some(carried)
+    }
+
+    #[inline(always)]
+    fn surfaces(&self) -> Option<&Surfaces> {
+        self.surfaces
+    }
+
+    #[inline(always)]
+    fn emissive_volumes(&self) -> &[Arc<EmissionField>] {
+        self.emissive_volumes
+    }
+}

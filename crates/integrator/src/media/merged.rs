@@ -1,0 +1,646 @@
+//! A list of media, overlapping or not: one process of tentative collisions, merged from all that a ray meets.
+//!
+//! Overlapping media are independent Poisson processes: their tentative collisions are taken in order along the ray, transmittances multiply. A ray that meets one
+//! medium walks it as the kernels of one grid do.
+//!
+//! Media with a transmittance function that is not exponential are entries of the list like any other. Those functions have a memory: a flight is one piece from where
+//! it starts to the next real collision or surface, null collisions do not reset it, and nothing is a product over parts of a ray. A ray that starts at a scatterer of
+//! a medium is correlated with that medium alone; light, cameras and surfaces are not correlated with any. Functions that are mixtures of exponentials run on the
+//! extinction times a drawn rate; others, and media too long to walk, fly by closed forms of their own, and the nearest collision counts.
+
+use super::channels::ChannelMode;
+use super::collisions::{Ahead, ManyMedia, OneMedium};
+use super::entry::{Entry, passage};
+use super::index::MetMedia;
+use super::{Collision, FlightEnd, Media, MediaIndex, Methods, Ray, RaySegment, Shadow};
+use glam::{DVec3, Vec3};
+use pileus_media::distance::{
+    DistanceSampler, Flight, WeightedFlight, regular_flight, regular_flight_under_law,
+};
+use pileus_media::law::{Law, Passage};
+use pileus_media::random::exponential;
+use pileus_media::transmittance::{
+    Estimator, RatioEstimate, Telescope, debiased_under_law, exact_under_law,
+    ratio_tracking_with_roulette,
+};
+use pileus_media::{
+    Channels, FieldKernel, Grey, Medium, PhaseAt, RayField, Relative, Spectrum, Tally,
+    TentativeCollisions,
+};
+use rand_core::Rng;
+use smallvec::SmallVec;
+use std::sync::Arc;
+
+/// All media of a scene, as a list.
+pub(crate) struct Merged<'a, C> {
+    pub(crate) media: &'a [Arc<Medium>],
+    pub(crate) index: &'a MediaIndex,
+    pub(crate) methods: Methods,
+    pub(crate) channels: C,
+    /// How debiased ray marching chooses its levels under transmittance functions that are not exponential.
+    pub(crate) series: Telescope,
+}
+
+/// Entries that a ray meets, the nearest last.
+type Entries<'a> = SmallVec<[Entry<'a>; 4]>;
+
+/// Transmittance of a grey homogeneous medium up to `t_max`: closed form; `None` for other media.
+fn closed_form(medium: &Medium, ray: &Ray, t_max: f64) -> Option<f32> {
+    let Medium::Homogeneous(medium) = medium else {
+        return None;
+    };
+    if !medium.is_grey() || medium.law().is_some() {
+        return None;
+    }
+    let length = medium.span(ray.origin, ray.direction, t_max).map_or(0.0, |(_, length)| length);
+    let shown = medium.phase().flakes().map_or(1.0, |flakes| flakes.largest_area(ray.direction));
+    let tau = f64::from(medium.scale() * shown) * f64::from(length);
+    // 0 x infinity: no extinction in all space.
+    Some(if tau.is_nan() { 1.0 } else { libm::exp(-tau) as f32 })
+}
+
+/// Whether a ray never leaves a medium that differs per channel: without end, transmittance is zero or one.
+fn endless(medium: &Medium, ray: &Ray, t_max: f64) -> bool {
+    let Medium::Homogeneous(medium) = medium else {
+        return false;
+    };
+    !medium.is_grey()
+        && medium
+            .span(ray.origin, ray.direction, t_max)
+            .is_some_and(|(_, length)| length == f32::INFINITY)
+}
+
+/// Optical depth of the strongest channel, and its extinction over the weakest one's, above which a
+/// segment through a homogeneous medium is not walked.
+const MAX_WALKED_DEPTH: f64 = 256.0;
+
+/// Whether a medium is homogeneous and its channels differ so much that a segment may be too long to
+/// walk.
+pub(super) fn is_uneven(medium: &Medium) -> bool {
+    let uneven = |s: f32| s > 0.0 && f64::from(s) * MAX_WALKED_DEPTH < 1.0;
+    let ratio = medium.relative_extinction();
+    matches!(medium, Medium::Homogeneous(_)) && ratio.to_array().into_iter().any(uneven)
+}
+
+/// The strongest channel's optical depth of a segment through a homogeneous medium whose channels
+/// differ so much that a walk by the strongest one's collisions, which are null for the others,
+/// would be very long: there flights and transmittances are closed forms, and weights leave the way
+/// out on both sides. `None` elsewhere.
+fn too_long_to_walk(medium: &Medium, ray: &Ray, t_max: f64) -> Option<f64> {
+    if !is_uneven(medium) {
+        return None;
+    }
+    let Medium::Homogeneous(medium) = medium else {
+        return None;
+    };
+    let (_, length) = medium.span(ray.origin, ray.direction, t_max)?;
+    let shown = medium.phase().flakes().map_or(1.0, |flakes| flakes.largest_area(ray.direction));
+    let depth = f64::from(medium.scale() * shown) * f64::from(length);
+    (depth > MAX_WALKED_DEPTH).then_some(depth)
+}
+
+/// Whether a medium's flights and shadow rays run on a drawn rate: homogeneous media have closed forms.
+fn runs_on_rates(medium: &Medium, law: &Law) -> bool {
+    matches!(medium, Medium::Grid(_)) && law.is_mixture_of_exponentials()
+}
+
+/// Whether flights through a medium invert its optical depth whatever the plan's methods are.
+pub(crate) fn flies_by_depth(medium: &Medium) -> bool {
+    is_uneven(medium) || medium.law().is_some_and(|law| !runs_on_rates(medium, law))
+}
+
+/// Whether a medium has no exact depths, so that it is walked whatever the plan's methods are.
+pub(super) fn has_to_be_walked(medium: &Medium) -> bool {
+    medium.phase().flakes().is_some_and(|flakes| flakes.by_grid())
+}
+
+/// Whether a medium of a list may need a flight of its own, or a rate.
+pub(super) fn is_special(medium: &Medium) -> bool {
+    medium.law().is_some() || is_uneven(medium)
+}
+
+/// A flight through one field by tentative collisions.
+struct FlyThrough<'r, C: ChannelMode, R> {
+    channels: C,
+    flight: &'r mut C::Flight,
+    first: Option<[f32; 2]>,
+    /// Number of the medium, and where the field begins.
+    place: (usize, f64),
+    ratio: Vec3,
+    weighted: bool,
+    rng: &'r mut R,
+    tally: &'r mut Tally,
+}
+
+impl<C: ChannelMode, R: Rng> FieldKernel for FlyThrough<'_, C, R> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn run<F: RayField>(self, field: F) -> bool {
+        let (medium, t_enter) = self.place;
+        let (walk, decision) = match self.first {
+            Some([depth, u]) => (TentativeCollisions::with_first(field, depth), Some(u)),
+            None => (TentativeCollisions::new(field), None),
+        };
+        let (ratio, weighted) = (self.ratio, self.weighted);
+        let collisions = OneMedium { walk, medium, t_enter, ratio, weighted };
+        self.channels.fly(self.flight, collisions, decision, self.rng, self.tally)
+    }
+}
+
+/// Ratio tracking through one field.
+struct ShadowThrough<'r, C, R> {
+    channels: C,
+    threshold: f32,
+    rng: &'r mut R,
+    tally: &'r mut Tally,
+}
+
+impl<C: Channels, R: Rng> FieldKernel for ShadowThrough<'_, C, R> {
+    type Output = RatioEstimate<C::Value>;
+
+    #[inline(always)]
+    fn run<F: RayField>(self, field: F) -> RatioEstimate<C::Value> {
+        let ShadowThrough { channels, threshold, rng, tally } = self;
+        let walk = TentativeCollisions::new(field);
+        ratio_tracking_with_roulette(walk, channels, threshold, rng, tally)
+    }
+}
+
+impl<'a, C: ChannelMode> Merged<'a, C> {
+    /// Whether flights take tentative collisions in order, and not medium by medium.
+    #[inline(always)]
+    fn tracks(&self) -> bool {
+        matches!(self.methods.distance, DistanceSampler::Spectral | DistanceSampler::Delta)
+    }
+
+    /// Whether shadow rays walk a medium by the same collisions as flights, so that null decisions belong into weights.
+    #[inline(always)]
+    fn weighs(&self, medium: &Medium, ray: &Ray, t_max: f64) -> bool {
+        let grey = C::GREY || medium.relative_extinction() == Vec3::ONE;
+        self.methods.weigh_the_way(grey)
+            && (grey || !endless(medium, ray, t_max))
+            && medium.law().is_none()
+    }
+
+    /// Flies through one medium that no other overlaps; whether no channel is under way behind it.
+    #[inline(always)]
+    fn fly_through<R: Rng>(
+        &self,
+        entry: &Entry<'_>,
+        weighted: bool,
+        flight: &mut C::Flight,
+        first: Option<[f32; 2]>,
+        (rng, tally): (&mut R, &mut Tally),
+    ) -> bool {
+        let (channels, ratio) = (self.channels, entry.ratio());
+        let share = channels.share(flight, ratio);
+        // Clear for all channels under way.
+        if !C::GREY && share <= 0.0 {
+            return false;
+        }
+        let ratio = if C::GREY { ratio } else { ratio / share };
+        let place = (entry.medium(), entry.t());
+        entry.with_field(
+            share,
+            FlyThrough { channels, flight, first, place, ratio, weighted, rng, tally },
+        )
+    }
+
+    /// Flies past several media, or some that need more than a walk; `entries` as the index found them.
+    #[inline(never)]
+    fn fly_past<R: Rng>(
+        &self,
+        segment: RaySegment<'_>,
+        mut entries: Entries<'a>,
+        mut first: Option<[f32; 2]>,
+        flight: &mut C::Flight,
+        (rng, tally): (&mut R, &mut Tally),
+    ) -> (bool, Option<Collision>) {
+        let ray = segment.ray;
+        // Media that begin at the same point are told apart by their number, whatever order the index found them in.
+        entries.sort_unstable_by(|a, b| {
+            b.t().total_cmp(&a.t()).then(b.medium().cmp(&a.medium()))
+        });
+        if !self.tracks() {
+            let nearest = self.fly_each(segment, entries, first, flight, (rng, tally));
+            return (false, nearest);
+        }
+        let mut nearest: Option<Collision> = None;
+        if self.index.special {
+            (entries, nearest) = self.fly_own(segment, entries, flight, (rng, tally));
+        }
+        let t_max = nearest.map_or(segment.t_max, |nearest| nearest.t);
+        // One after the other, as long as none overlaps the next.
+        while let Some(entry) = entries.pop() {
+            if entries.last().is_some_and(|next| next.t() < entry.t_exit()) {
+                entries.push(entry);
+                break;
+            }
+            let weighted = self.weighs(&self.media[entry.medium()], ray, t_max);
+            if self.fly_through(&entry, weighted, flight, first.take(), (rng, tally)) {
+                return (true, nearest);
+            }
+        }
+        if entries.is_empty() {
+            return (false, nearest);
+        }
+        let ahead = entries.into_iter().filter_map(|entry| {
+            let ratio = entry.ratio();
+            let share = self.channels.share(flight, ratio);
+            let weighted = self.weighs(&self.media[entry.medium()], ray, t_max);
+            (share > 0.0).then(|| Ahead { entry, share, ratio: ratio / share, weighted })
+        });
+        let (depth, decision) = first.map_or((None, None), |[depth, u]| (Some(depth), Some(u)));
+        let collisions = ManyMedia::new(ahead.collect(), depth);
+        (self.channels.fly(flight, collisions, decision, rng, tally), nearest)
+    }
+
+    /// Flies past the media that are not walked: the nearest of their collisions, each by a closed form
+    /// of its own, ends the flight if nothing does before. The weights of all count, since those
+    /// that flew further stand for the transmittance up to there. Returns the other media, with rates where their transmittance functions have some, and that collision.
+    fn fly_own<R: Rng>(
+        &self,
+        RaySegment { ray, start, t_max }: RaySegment<'_>,
+        entries: Entries<'a>,
+        flight: &mut C::Flight,
+        (rng, tally): (&mut R, &mut Tally),
+    ) -> (Entries<'a>, Option<Collision>) {
+        let mut nearest: Option<Collision> = None;
+        let mut walked = Entries::new();
+        for mut entry in entries {
+            let number = entry.medium();
+            let medium = &*self.media[number];
+            let own = match medium.law() {
+                Some(law) if runs_on_rates(medium, law) => {
+                    entry.draw_rate(passage(law, start, number), rng);
+                    None
+                }
+                Some(law) => Some(Some(passage(law, start, number))),
+                None => too_long_to_walk(medium, ray, t_max).map(|_| None),
+            };
+            let Some(passage) = own else {
+                walked.push(entry);
+                continue;
+            };
+            let drawn = exponential(rng);
+            let beta = self.channels.throughput(flight);
+            let result = fly_by_depth(&entry, passage, beta, drawn, rng, tally);
+            self.channels.weigh(flight, result.weight);
+            if let Flight::Collision(t) = result.flight {
+                let t = entry.at(t);
+                if nearest.is_none_or(|nearest| t < nearest.t) {
+                    nearest = Some(Collision { t, medium: number });
+                }
+            }
+        }
+        if let Some(Collision { t, .. }) = nearest {
+            // What lies behind does not concern this flight.
+            let clipped = walked.into_iter().filter_map(|entry| entry.clipped(ray, t));
+            walked = clipped.collect();
+        }
+        (walked, nearest)
+    }
+
+    /// Every sampler but those that take the collisions of all media in order: each medium flies alone, the nearest collision wins, and the
+    /// weights of all flights count, since those that flew further stand for the transmittance up to there.
+    fn fly_each<R: Rng>(
+        &self,
+        RaySegment { ray, start, t_max }: RaySegment<'_>,
+        mut entries: Entries<'_>,
+        first: Option<[f32; 2]>,
+        flight: &mut C::Flight,
+        (rng, tally): (&mut R, &mut Tally),
+    ) -> Option<Collision> {
+        let mut nearest: Option<Collision> = None;
+        let mut first = first.map(|[depth, _]| depth);
+        let sampler = self.methods.distance;
+        while let Some(mut entry) = entries.pop() {
+            // What begins behind a collision does not concern this flight.
+            let (number, t_enter) = (entry.medium(), entry.t());
+            if nearest.is_some_and(|nearest| nearest.t < t_enter) {
+                break;
+            }
+            let medium = &*self.media[number];
+            let sampler = match sampler {
+                DistanceSampler::Regular | DistanceSampler::Analytic
+                    if has_to_be_walked(medium) =>
+                {
+                    DistanceSampler::Spectral
+                }
+                sampler => sampler,
+            };
+            let first = first.take();
+            let passage = medium.law().map(|law| passage(law, start, number));
+            let by_depth = match passage {
+                Some(passage) => {
+                    let exact = sampler == DistanceSampler::Regular;
+                    let rates = !exact && runs_on_rates(medium, passage.law);
+                    if rates {
+                        entry.draw_rate(passage, rng);
+                    }
+                    !rates
+                }
+                None => too_long_to_walk(medium, ray, t_max).is_some(),
+            };
+            let beta = self.channels.throughput(flight);
+            let result = if by_depth {
+                let drawn = first.unwrap_or_else(|| exponential(rng));
+                fly_by_depth(&entry, passage, beta, drawn, rng, tally)
+            } else {
+                let ratio = entry.ratio();
+                let field = entry.field(1.0);
+                if C::GREY || ratio == Vec3::ONE {
+                    let WeightedFlight { flight, weight, null_probability } =
+                        sampler.fly(field, Grey, 1.0, first, rng, tally);
+                    WeightedFlight { flight, weight: Vec3::splat(weight), null_probability }
+                } else {
+                    sampler.fly(field, Relative(ratio), beta, first, rng, tally)
+                }
+            };
+            self.channels.weigh(flight, result.weight);
+            // What shadow rays know in closed form is counted on escape.
+            if !by_depth
+                && self.weighs(medium, ray, t_max)
+                && closed_form(medium, ray, 0.0).is_none()
+            {
+                self.channels.count_nulls(flight, result.null_probability);
+            }
+            if let Flight::Collision(t) = result.flight {
+                let t = entry.at(t);
+                if nearest.is_none_or(|nearest| t < nearest.t) {
+                    nearest = Some(Collision { t, medium: number });
+                }
+            }
+        }
+        nearest
+    }
+
+    /// Light sampling takes these transmittances in closed form; path sampling had to survive them.
+    #[inline(never)]
+    fn count_closed_forms(&self, met: &MetMedia, ray: &Ray, t_max: f64, flight: &mut C::Flight) {
+        for &index in met {
+            if let Some(transmittance) = closed_form(&self.media[index as usize], ray, t_max) {
+                self.channels.count_nulls(flight, transmittance);
+            }
+        }
+    }
+
+    /// Transmittance of one medium, and the null probability that weights count with it.
+    #[inline(always)]
+    fn estimate<K: Channels, R: Rng>(
+        &self,
+        entry: &Entry<'_>,
+        (share, channels): (f32, K),
+        known: bool,
+        threshold: f32,
+        (rng, tally): (&mut R, &mut Tally),
+    ) -> (K::Value, K::Value) {
+        let by_ratio = self.methods.transmittance == Estimator::Ratio;
+        if by_ratio || entry.has_to_be_walked() {
+            let kernel = ShadowThrough { channels, threshold, rng, tally };
+            let estimate = entry.with_field(share, kernel);
+            let nulls = if known { estimate.null_probability } else { K::Value::ONE };
+            return (estimate.transmittance, nulls);
+        }
+        let (estimator, field) = (self.methods.transmittance, entry.field(share));
+        let transmittance = estimator.estimate(field, channels, threshold, rng, tally);
+        (transmittance, if known { transmittance } else { K::Value::ONE })
+    }
+
+    /// What a shadow ray of a path with throughput `beta` finds of medium number `number`.
+    #[inline(always)]
+    fn shadow<R: Rng>(
+        &self,
+        number: usize,
+        RaySegment { ray, start, t_max }: RaySegment<'_>,
+        threshold: f32,
+        beta: Vec3,
+        (rng, tally): (&mut R, &mut Tally),
+    ) -> Shadow {
+        let medium = &*self.media[number];
+        let ratio = medium.relative_extinction();
+        let grey = C::GREY || ratio == Vec3::ONE;
+        if let Some(known) = known_transmittance(medium, ray, t_max) {
+            return known;
+        }
+        let Some(mut entry) = Entry::new(number, medium, ray, t_max) else {
+            return Shadow::CLEAR;
+        };
+        if let Some(law) = medium.law() {
+            let passage = passage(law, start, number);
+            if !self.draw_rate(&mut entry, passage, rng) {
+                let transmittance = self.exact_or_debiased(&entry, passage, rng, tally);
+                return Shadow { transmittance, ..Shadow::CLEAR };
+            }
+        }
+        let known = self.methods.weigh_the_way(grey) && medium.law().is_none();
+        if grey {
+            let of_all = (1.0, Grey);
+            let (t, n) = self.estimate(&entry, of_all, known, threshold, (rng, tally));
+            return Shadow { transmittance: Vec3::splat(t), null_probability: Vec3::splat(n) };
+        }
+        let ratios = if self.methods.transmittance == Estimator::Ratio {
+            self.channels.shadow_ratios(beta, ratio)
+        } else {
+            Some((1.0, ratio))
+        };
+        let Some((share, ratios)) = ratios else { return Shadow::CLEAR };
+        let channels = (share, Relative(ratios));
+        let (transmittance, null_probability) =
+            self.estimate(&entry, channels, known, threshold, (rng, tally));
+        Shadow { transmittance, null_probability }
+    }
+
+    /// Draws a rate for a shadow ray, if the plan's estimator and the transmittance function of the medium run on one.
+    #[inline]
+    fn draw_rate<R: Rng>(&self, entry: &mut Entry<'_>, passage: Passage<'_>, rng: &mut R) -> bool {
+        let medium = &*self.media[entry.medium()];
+        let rates = !matches!(
+            self.methods.transmittance,
+            Estimator::Regular | Estimator::DebiasedRayMarching
+        ) || has_to_be_walked(medium);
+        let rates = rates && runs_on_rates(medium, passage.law);
+        if rates {
+            entry.draw_rate(passage, rng);
+        }
+        rates
+    }
+
+    /// Transmittance under a function that is not exponential, exact or by a debiasing series.
+    #[inline(never)]
+    fn exact_or_debiased<R: Rng>(
+        &self,
+        entry: &Entry<'_>,
+        passage: Passage<'_>,
+        rng: &mut R,
+        tally: &mut Tally,
+    ) -> Vec3 {
+        let (field, channels) = (entry.field(1.0), Relative(entry.ratio()));
+        if self.methods.transmittance == Estimator::DebiasedRayMarching {
+            return debiased_under_law(field, passage, channels, self.series, rng, tally);
+        }
+        exact_under_law(&field, passage, channels, tally)
+    }
+}
+
+/// A flight by inversion of the optical depth.
+#[inline(never)]
+fn fly_by_depth<R: Rng>(
+    entry: &Entry<'_>,
+    passage: Option<Passage<'_>>,
+    beta: Vec3,
+    drawn: f32,
+    rng: &mut R,
+    tally: &mut Tally,
+) -> WeightedFlight<Vec3> {
+    let (field, channels) = (entry.field(1.0), Relative(entry.ratio()));
+    match passage {
+        None => regular_flight(&field, channels, beta, drawn, rng, tally),
+        Some(passage) => {
+            regular_flight_under_law(&field, passage, channels, beta, drawn, rng, tally)
+        }
+    }
+}
+
+/// Transmittance that needs no walk, with the null probability that weights count; `None` where a ray has to be walked.
+#[inline]
+fn known_transmittance(medium: &Medium, ray: &Ray, t_max: f64) -> Option<Shadow> {
+    if !matches!(medium, Medium::Homogeneous(_)) || medium.law().is_some() {
+        return None;
+    }
+    if let Some(factor) = closed_form(medium, ray, t_max) {
+        let factor = Vec3::splat(factor);
+        return Some(Shadow { transmittance: factor, null_probability: factor });
+    }
+    let ratio = medium.relative_extinction();
+    if let Some(depth) = too_long_to_walk(medium, ray, t_max) {
+        let passed = |s: f32| if s > 0.0 { libm::exp(-f64::from(s) * depth) as f32 } else { 1.0 };
+        return Some(Shadow { transmittance: Spectrum::map(ratio, passed), ..Shadow::CLEAR });
+    }
+    if endless(medium, ray, t_max) {
+        let clear = |s: f32| if s > 0.0 { 0.0 } else { 1.0 };
+        return Some(Shadow { transmittance: Spectrum::map(ratio, clear), ..Shadow::CLEAR });
+    }
+    None
+}
+
+impl<'a, C: ChannelMode> Media for Merged<'a, C> {
+    type Channels = C;
+
+    fn flight<R: Rng>(
+        &self,
+        segment: RaySegment<'_>,
+        beta: Vec3,
+        first: Option<[f32; 2]>,
+        decoupled: &mut C::Decoupled,
+        rng: &mut R,
+        tally: &mut Tally,
+    ) -> FlightEnd<C::Nulls> {
+        let RaySegment { ray, t_max, .. } = segment;
+        let met = self.index.along(ray, t_max);
+        let mut flight = self.channels.begin(beta);
+        // Most rays meet one medium: it is not put into a list.
+        let (mut alone, mut entries): (Option<Entry<'a>>, Entries<'a>) = (None, SmallVec::new());
+        for &number in &met {
+            let number = number as usize;
+            if let Some(entry) = Entry::new(number, &self.media[number], ray, t_max) {
+                if alone.is_none() && entries.is_empty() {
+                    alone = Some(entry);
+                } else {
+                    entries.extend(alone.take());
+                    entries.push(entry);
+                }
+            }
+        }
+        let mut own = None;
+        let ended = match alone {
+            Some(entry) if self.tracks() && !self.index.special => {
+                let weighted = self.weighs(&self.media[entry.medium()], ray, t_max);
+                self.fly_through(&entry, weighted, &mut flight, first, (rng, tally))
+            }
+            alone => {
+                entries.extend(alone);
+                if entries.is_empty() {
+                    false
+                } else {
+                    let ended;
+                    (ended, own) =
+                        self.fly_past(segment, entries, first, &mut flight, (rng, tally));
+                    ended
+                }
+            }
+        };
+        if !ended && own.is_none() && self.index.homogeneous {
+            self.count_closed_forms(&met, ray, t_max, &mut flight);
+        }
+        self.channels.end(flight, own, decoupled)
+    }
+
+    fn transmittance<R: Rng>(
+        &self,
+        segment: RaySegment<'_>,
+        threshold: f32,
+        beta: Vec3,
+        rng: &mut R,
+        tally: &mut Tally,
+    ) -> Shadow {
+        let mut shadow = Shadow::CLEAR;
+        for index in self.index.along(segment.ray, segment.t_max) {
+            let number = index as usize;
+            let found = self.shadow(number, segment, threshold, beta, (rng, tally));
+            shadow.transmittance *= found.transmittance;
+            shadow.null_probability *= found.null_probability;
+            if shadow.transmittance == Vec3::ZERO {
+                break;
+            }
+        }
+        shadow
+    }
+
+    fn scattering<R: Rng>(
+        &self,
+        p_world: DVec3,
+        incoming: Vec3,
+        rng: &mut R,
+        mut visit: impl FnMut(Vec3, PhaseAt<'_>),
+    ) {
+        for index in self.index.around(p_world) {
+            let medium = &self.media[index as usize];
+            let sigma_t = medium.sigma_t_at(p_world) as f32;
+            if sigma_t > 0.0 {
+                // From a place that is correlated with no scatterer: the density of a collision at no depth.
+                let per_path = medium.law().map_or(1.0, |law| 1.0 / law.mean_free_path() as f32);
+                let sigma_t = sigma_t * per_path * medium.projected_area(p_world, incoming);
+                let sigma_t = medium.relative_extinction() * sigma_t;
+                visit(medium.albedo_at(p_world) * sigma_t, medium.phase_at(p_world, incoming, rng));
+            }
+        }
+    }
+
+    fn extent(&self, ray: &Ray, t_max: f64) -> Option<(f64, f64)> {
+        let mut hull: Option<(f64, f64)> = None;
+        for index in self.index.along(ray, t_max) {
+            let medium = &self.media[index as usize];
+            if let Some((t0, t1)) = medium.extent(ray.origin, ray.direction, t_max) {
+                hull = Some(hull.map_or((t0, t1), |(a, b)| (a.min(t0), b.max(t1))));
+            }
+        }
+        hull
+    }
+
+    fn properties<R: Rng>(
+        &self,
+        collision: &Collision,
+        p_world: DVec3,
+        incoming: Vec3,
+        rng: &mut R,
+    ) -> (PhaseAt<'_>, Vec3) {
+        let medium = &self.media[collision.medium];
+        (medium.phase_at(p_world, incoming, rng), medium.albedo_at(p_world))
+    }
+
+    fn starts_matter(&self) -> bool {
+        self.index.non_exponential
+    }
+}
