@@ -161,7 +161,10 @@ pub struct Rendered {
 /// Renders a scene; no lookup may have exceeded its bound and no sample been dropped.
 pub fn rendered(scene: &Scene, settings: &RenderSettings) -> Rendered {
     let mut film = Film::new(scene.camera.resolution(), None).expect("a film");
-    let counters = Renderer::new(scene, settings).expect("a plan").render(&mut film, &Unmonitored).expect("a render");
+    let counters = Renderer::new(scene, settings)
+        .expect("a plan")
+        .render(&mut film, &Unmonitored)
+        .expect("a render");
     assert_eq!((counters.violations, counters.dropped), (0, 0), "{counters:?}");
     Rendered { image: film.image(), variance: film.variance(), film, counters }
 }

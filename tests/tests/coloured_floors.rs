@@ -271,7 +271,10 @@ fn transmittances() -> Vec<Transmittance> {
 /// Mean and standard error of each channel.
 fn measure(scene: &Scene, settings: &RenderSettings) -> [[f64; 2]; 3] {
     let mut film = Film::new(scene.camera.resolution(), None).expect("a film");
-    let counters = Renderer::new(scene, settings).expect("a plan").render(&mut film, &Unmonitored).expect("a render");
+    let counters = Renderer::new(scene, settings)
+        .expect("a plan")
+        .render(&mut film, &Unmonitored)
+        .expect("a render");
     assert_eq!((counters.violations, counters.dropped), (0, 0), "{counters:?}");
     let (image, variance) = (film.image(), film.variance());
     ["R", "G", "B"].map(|c| {

@@ -98,7 +98,10 @@ fn state(film: &Film) -> Vec<u8> {
 fn film(scene: &Scene, settings: &RenderSettings, threads: usize) -> Film {
     let mut film = Film::new(scene.camera.resolution(), None).unwrap();
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-    pool.install(|| Renderer::new(scene, settings).expect("a plan").render(&mut film, &Unmonitored)).unwrap();
+    pool.install(|| {
+        Renderer::new(scene, settings).expect("a plan").render(&mut film, &Unmonitored)
+    })
+    .unwrap();
     film
 }
 

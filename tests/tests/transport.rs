@@ -4,7 +4,8 @@
 use glam::{DVec3, Vec3};
 use pileus_film::Film;
 use pileus_integrator::{
-    Distance, LightSampling, Plan, Renderer, RenderSettings, ShadowRoulette, Transmittance, Unmonitored,
+    Distance, LightSampling, Plan, RenderSettings, Renderer, ShadowRoulette, Transmittance,
+    Unmonitored,
 };
 use pileus_media::distance::DistanceSampler;
 use pileus_media::phase::ISOTROPIC;
@@ -485,7 +486,10 @@ fn every_sampler_gives_the_same_picture() {
             let mut seed = 2;
             let check = |what: String, settings: RenderSettings| {
                 let mut film = Film::new(scene.camera.resolution(), None).unwrap();
-                let counters = Renderer::new(&scene, &settings).expect("a plan").render(&mut film, &Unmonitored).unwrap();
+                let counters = Renderer::new(&scene, &settings)
+                    .expect("a plan")
+                    .render(&mut film, &Unmonitored)
+                    .unwrap();
                 assert_eq!(counters.dropped, 0);
                 assert_eq!(counters.violations > 0, settings.majorant_scale < 1.0, "{what}");
                 let (image, variance) = (film.image(), film.variance());

@@ -45,7 +45,10 @@ fn check(what: &str, scene: &Scene, base: &RenderSettings, size: u32, counts: &[
         for seed in 0..SEEDS {
             let settings = RenderSettings { samples: 0..count, seed: 900 + seed, ..base.clone() };
             let mut film = Film::new(scene.camera.resolution(), Some(crop)).expect("a film");
-            let counters = Renderer::new(scene, &settings).expect("a plan").render(&mut film, &Unmonitored).expect("one");
+            let counters = Renderer::new(scene, &settings)
+                .expect("a plan")
+                .render(&mut film, &Unmonitored)
+                .expect("one");
             assert_eq!((counters.violations, counters.dropped), (0, 0), "{what}");
             for (i, pixel) in (0..).zip(&mut sums) {
                 let moments = film.pixel(crop.x0 + i % size, crop.y0 + i / size).expect("a pixel");
@@ -162,7 +165,10 @@ fn of_every_asset() {
 fn mean(scene: &Scene, settings: &RenderSettings, size: u32) -> [f64; 4] {
     let crop = middle(scene, size);
     let mut film = Film::new(scene.camera.resolution(), Some(crop)).expect("a film");
-    let counters = Renderer::new(scene, settings).expect("a plan").render(&mut film, &Unmonitored).expect("a render");
+    let counters = Renderer::new(scene, settings)
+        .expect("a plan")
+        .render(&mut film, &Unmonitored)
+        .expect("a render");
     assert_eq!((counters.dropped, film.dropped()), (0, 0));
     let image = film.image();
     ["R", "G", "B", "A"].map(|name| {

@@ -3,7 +3,7 @@
 
 use glam::{DVec3, Vec3};
 use pileus_film::Film;
-use pileus_integrator::{Distance, Plan, Renderer, RenderSettings, Unmonitored};
+use pileus_integrator::{Distance, Plan, RenderSettings, Renderer, Unmonitored};
 use pileus_media::distance::DistanceSampler;
 use pileus_media::law::{Erlang, Law, Linear, Power};
 use pileus_media::{Medium, Phase};
@@ -25,7 +25,10 @@ fn through(media: Vec<Medium>) -> Scene {
 /// Mean and standard error of a channel.
 fn measure(scene: &Scene, settings: &RenderSettings, channel: &str) -> [f64; 2] {
     let mut film = Film::new(scene.camera.resolution(), None).expect("a film");
-    let counters = Renderer::new(scene, settings).expect("a plan").render(&mut film, &Unmonitored).expect("a render");
+    let counters = Renderer::new(scene, settings)
+        .expect("a plan")
+        .render(&mut film, &Unmonitored)
+        .expect("a render");
     assert_eq!(counters.dropped, 0, "{counters:?}");
     let (image, variance) = (film.image(), film.variance());
     let sum = |values: &[f32]| values.iter().map(|v| f64::from(*v)).sum::<f64>();

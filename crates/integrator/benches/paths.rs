@@ -61,8 +61,12 @@ fn benches(c: &mut Criterion) {
         group.bench_function(name, |b| {
             b.iter(|| {
                 let mut film = Film::new([64, 64], None).expect("a film");
-                pool.install(|| Renderer::new(&scene, &settings).expect("a plan").render(&mut film, &Unmonitored))
-                    .expect("a render")
+                pool.install(|| {
+                    Renderer::new(&scene, &settings)
+                        .expect("a plan")
+                        .render(&mut film, &Unmonitored)
+                })
+                .expect("a render")
             });
         });
     }
@@ -73,8 +77,12 @@ fn benches(c: &mut Criterion) {
         group.bench_function(name, |b| {
             b.iter(|| {
                 let mut film = Film::new([64, 64], None).expect("a film");
-                pool.install(|| Renderer::new(&scene, &settings).expect("a plan").render(&mut film, &Unmonitored))
-                    .expect("a render")
+                pool.install(|| {
+                    Renderer::new(&scene, &settings)
+                        .expect("a plan")
+                        .render(&mut film, &Unmonitored)
+                })
+                .expect("a render")
             });
         });
     }

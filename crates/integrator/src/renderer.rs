@@ -247,7 +247,10 @@ impl<'a> Parts<'a> {
     /// Runs a job with the kernel that every scene can run: a merged list, split where the plan says so, beside surfaces.
     pub(crate) fn with_general_kernel<J: Job>(&self, job: &mut J) -> J::Output {
         if self.plan.kernel.channels == Channels::Split {
-            return job.run(&self.kernel(self.merged(self.split()), self.volumes_and_surfaces(&self.emissive_volumes())));
+            return job.run(&self.kernel(
+                self.merged(self.split()),
+                self.volumes_and_surfaces(&self.emissive_volumes()),
+            ));
         }
         self.with_coupled_kernel(job)
     }
@@ -268,13 +271,12 @@ impl<'a> Parts<'a> {
     }
 
     fn merged<C: ChannelMode>(&self, channels: C) -> Merged<'a, C> {
-        Merged {
-            media: &self.media.media,
-            index: &self.media.index,
-            methods: self.plan.methods,
+        Merged::new(
+            (&self.media.media, &self.media.index),
+            self.plan.methods,
             channels,
-            series: Telescope::with_exponent(self.settings.level_exponent),
-        }
+            Telescope::with_exponent(self.settings.level_exponent),
+        )
     }
 
     fn with_one_grid<J: Job>(&self, job: &mut J) -> J::Output {

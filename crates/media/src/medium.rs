@@ -465,8 +465,14 @@ impl GridMedium {
         match (&self.grid.voxels, self.majorants.is_adaptive() && !self.is_wide()) {
             (Voxels::Half(voxels), true) => kernel.run(self.ray_of_share(voxels, span, share)),
             (Voxels::Single(voxels), true) => kernel.run(self.ray_of_share(voxels, span, share)),
-            _ => kernel.run(Scaled::new(self.any_ray(span), share)),
+            _ => self.with_any_ray(span, share, kernel),
         }
+    }
+
+    /// As [`with_ray`](GridMedium::with_ray), by the ray that needs no kernel of its own.
+    #[inline(never)]
+    fn with_any_ray<K: FieldKernel>(&self, span: &Span, share: f32, kernel: K) -> K::Output {
+        kernel.run(Scaled::new(self.any_ray(span), share))
     }
 
     /// Calls `kernel` with the voxels in their type: the one place where precision is chosen.

@@ -1,11 +1,11 @@
 //! Next-event estimation: light at a vertex, by one shadow ray.
 
+use super::Kernel;
 use super::interior::{self, MediumStack};
 use super::passage::Passage;
 use super::path::{Path, PathVertex, Tracing};
 use super::recorder::{DirectLight, Recorder};
 use super::world::{World, luminance};
-use super::Kernel;
 use crate::lights::{EmissionMixture, LightSample};
 use crate::media::channels::ChannelMode;
 use crate::media::{Media, Ray, RaySegment, StartCorrelation};
@@ -53,11 +53,8 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         let Some(choice) = self.lights.choose(p, |wi| vertex.eval(wi).1, u[0]) else {
             return;
         };
-        let direction = if self.lights.have_extent() {
-            [uniform(sampler), uniform(sampler)]
-        } else {
-            [0.0; 2]
-        };
+        let direction =
+            if self.lights.have_extent() { [uniform(sampler), uniform(sampler)] } else { [0.0; 2] };
         let Some(light) = self.lights.sample(choice.index, p, direction, sampler) else {
             return;
         };
@@ -68,7 +65,9 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         // What a surface sends on is as dark as its albedo: noise is judged by that, not by absolute light.
         let importance = if V::IN_MEDIUM { importance } else { importance.max(strongest) };
         let mut survival = (importance / SHADOW_IMPORTANCE).min(1.0);
-        if let Some(cache) = self.radiance_cache {
+        if V::IN_MEDIUM
+            && let Some(cache) = self.radiance_cache
+        {
             survival = cache.survival(p, path.expected_first, importance, survival);
         }
         // Stratified numbers cannot say what is very unlikely.
@@ -82,7 +81,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         }
         recorder.counters().shadow_rays += 1;
         let ray = Ray { origin: vertex.origin(p, light.wi), direction: light.wi };
-        let way = if W::SURFACES {
+        let way = if W::SURFACES && !(V::IN_MEDIUM && self.is_clear(path, &ray, light.distance)) {
             let Some(way) = self.way_to_light(path, vertex, &ray, &light, sampler) else {
                 return;
             };
@@ -139,6 +138,16 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
             arrives *= way.attenuation;
         }
         *radiance += behind * arrives * weight;
+    }
+
+    /// Whether a ray from a medium interaction passes by all surfaces, outside of interior media.
+    #[inline(always)]
+    fn is_clear(&self, path: &Path<'_, W::Carried>, ray: &Ray, distance: f64) -> bool {
+        W::of(&path.carried).is_none_or(|surfaces| surfaces.interiors.is_empty())
+            && self
+                .world
+                .surfaces()
+                .is_none_or(|surfaces| !surfaces.may_be_met(ray.origin, ray.direction, distance))
     }
 
     /// What of a shadow ray's way surfaces and interior media let through; `None` if nothing.

@@ -55,8 +55,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         if let Some((t, light)) = chosen {
             let segment = RaySegment { t_max: t, ..segment };
             recorder.shadow_ray(ray, t, SHADOW_ROULETTE);
-            let shadow =
-                self.media.transmittance(segment, SHADOW_ROULETTE, beta, *sampler, tally);
+            let shadow = self.media.transmittance(segment, SHADOW_ROULETTE, beta, *sampler, tally);
             let interior = interiors.last().map_or(Vec3::ONE, |i| interior::transmittance(i, t));
             found += light * total * shadow.transmittance * interior;
         }

@@ -44,6 +44,6 @@ pub(crate) struct Kernel<'a, M, W> {
     pub(crate) typical_sigma_t: f64,
     /// Whether flights end with the density of the medium and carry no weight, so that emission up to there may be counted as it is.
     pub(crate) analog_flights: bool,
-    /// What shadow rays may bring, where a prepass has asked. For volumes only.
+    /// What shadow rays may bring, where a prepass has asked.
     pub(crate) radiance_cache: Option<&'a RadianceCache>,
 }

@@ -76,7 +76,7 @@ impl Passage {
     /// Transmittance along the whole ray of media for which it matters where a ray starts: it
     /// starts anew at every pane, as a path does that goes through, so that a sun of no size is the
     /// limit of small ones.
-    pub(crate) fn transmittance<M: Media, R: Rng>(
+    pub(crate) fn transmittance<M: Media, R: Rng + Clone>(
         &self,
         media: &M,
         (segment, threshold): (RaySegment<'_>, f32),

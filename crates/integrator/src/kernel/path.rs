@@ -193,10 +193,8 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         sampler: &mut PathSampler,
         recorder: &mut R,
     ) -> PathSample {
-        let mut radiance = Vec3::ZERO;
-        let mut transmitted = 0.0;
         let depth = exponential_of_stratified(depth, sampler);
-        let first = [depth, decision];
+        let first = Some([depth, decision]);
         let mut branches = Branches::<'_, W::Carried, Nulls<M>>::new();
         let path = Path {
             ray,
@@ -208,33 +206,41 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
             expected_first: 1.0,
             carried: self.world.begin(),
         };
+        let tally = Tally::default();
+        if !M::Channels::DECOUPLES {
+            let tracing = Tracing { radiance: Vec3::ZERO, tally, sampler, recorder };
+            let (radiance, transmitted) =
+                self.follow(path, (None, None), first, &mut branches, tracing);
+            recorder.counters().paths += 1;
+            return PathSample { radiance, alpha: 1.0 - transmitted };
+        }
+        let (mut radiance, mut transmitted) = (Vec3::ZERO, 0.0);
         let mut branch = Branch { path, end: None, hit: None };
         loop {
-            let first = if branch.end.is_none() { Some(first) } else { None };
-            let tracing = Tracing { radiance, tally: Tally::default(), sampler, recorder };
+            let Branch { path, end, hit } = branch;
+            let first = if end.is_none() { first } else { None };
+            let tracing = Tracing { radiance, tally, sampler, recorder };
             let seen;
-            (radiance, seen) = self.follow(branch, first, &mut branches, tracing);
+            (radiance, seen) = self.follow(path, (end, hit), first, &mut branches, tracing);
             transmitted += seen;
-            match branches.pop() {
-                Some(next) if M::Channels::DECOUPLES => branch = next,
-                _ => break,
-            }
+            let Some(next) = branches.pop() else { break };
+            branch = next;
         }
         recorder.counters().paths += 1;
         PathSample { radiance, alpha: 1.0 - transmitted }
     }
 
-    /// Follows one branch of a path to its end; what decouples from it joins `branches`. Returns the light gathered, and what its first flight, if it met nothing,
+    /// Follows one branch of a path to its end, from the end of a flight on where it has decoupled from another; what decouples from it joins `branches`. Returns the light gathered, and what its first flight, if it met nothing,
     /// lets through: the mean over channels of an unbiased estimate of the transmittance towards the background.
     #[inline(always)]
     fn follow<'k, R: Recorder>(
         &'k self,
-        branch: Branch<'k, W::Carried, Nulls<M>>,
+        mut path: Path<'k, W::Carried>,
+        (mut resumed, mut hit): (Option<FlightEnd<Nulls<M>>>, Option<Hit>),
         mut first: Option<[f32; 2]>,
         branches: &mut Branches<'k, W::Carried, Nulls<M>>,
         mut tracing: Tracing<'_, R>,
     ) -> (Vec3, f32) {
-        let Branch { mut path, end: mut resumed, mut hit } = branch;
         let begun = path.bounces;
         let mut transmitted = 0.0;
         loop {
@@ -261,9 +267,16 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
                     let mut decoupled = Default::default();
                     let Tracing { tally, sampler, recorder, .. } = &mut tracing;
                     let first = first.take();
-                    let end =
-                        self.media.flight(segment, path.beta, first, &mut decoupled, *sampler, tally);
-                    let length = |end: &FlightEnd<Nulls<M>>| end.collision.map_or(t_surface, |c| c.t);
+                    let end = self.media.flight(
+                        segment,
+                        path.beta,
+                        first,
+                        &mut decoupled,
+                        *sampler,
+                        tally,
+                    );
+                    let length =
+                        |end: &FlightEnd<Nulls<M>>| end.collision.map_or(t_surface, |c| c.t);
                     let mut longest = length(&end);
                     if M::Channels::DECOUPLES {
                         for end in decoupled {
@@ -293,8 +306,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
             if let Some(surfaces) = W::of(&path.carried) {
                 let mut t_end = end.collision.map_or(t_surface, |collision| collision.t);
                 if let Some(interior) = surfaces.interiors.last()
-                    && let Some(t) =
-                        interior::fly(interior, t_end, &mut path.beta, tracing.sampler)
+                    && let Some(t) = interior::fly(interior, t_end, &mut path.beta, tracing.sampler)
                 {
                     let phase = PhaseAt::henyey_greenstein(interior.g);
                     event = Event::Collision { t, phase, albedo: Vec3::ONE, medium: None };
@@ -380,13 +392,17 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         let scatters = vertex.scatters();
         let drawn = W::of(&path.carried).map_or(1.0, |surfaces| surfaces.drawn);
         let max_drawn = if V::IN_MEDIUM { MAX_DRAWN_IN_MEDIA } else { MAX_DRAWN_AT_SURFACES };
-        let mixture = if W::SURFACES && scatters && drawn <= max_drawn {
+        let drawn_to = W::SURFACES && !self.lights.emissive_volumes().is_empty();
+        let mixture = if drawn_to && scatters && drawn <= max_drawn {
             self.lights.emission_mixture(p, V::IN_MEDIUM, luminance(self.environment.constant))
         } else {
             None
         };
         if scatters && !self.lights.is_empty() {
-            if first && let Some(cache) = self.radiance_cache {
+            if V::IN_MEDIUM
+                && first
+                && let Some(cache) = self.radiance_cache
+            {
                 path.expected_first = cache.radiance(p);
             }
             let place = (p, interval, scattered_by);
@@ -437,7 +453,9 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         path.beta *= weight;
         let mut pdf = own;
         let mut drawn_by = 1.0;
-        if W::SURFACES && let Some(mixture) = &mixture {
+        if W::SURFACES
+            && let Some(mixture) = &mixture
+        {
             // A direction without density, as smooth glass has, is none of the emissive volumes'.
             drawn_by = if own > 0.0 {
                 pdf = self.lights.emissive_volumes().pdf(mixture, wi, own);

@@ -4,9 +4,7 @@ use super::Kernel;
 use super::interior::MediumStack;
 use super::limits::Cut;
 use super::passage::bsdf;
-use super::path::{
-    DirectionSample, Path, PathVertex, PreviousVertex, Tracing, weights_of_path,
-};
+use super::path::{DirectionSample, Path, PathVertex, PreviousVertex, Tracing, weights_of_path};
 use super::recorder::Recorder;
 use super::world::{World, luminance};
 use crate::media::channels::ChannelMode;
@@ -36,7 +34,7 @@ pub(crate) struct SurfacePath {
 impl SurfacePath {
     pub(super) fn begin(camera_in: &MediumStack) -> SurfacePath {
         SurfacePath {
-            interiors: camera_in.clone(),
+            interiors: if camera_in.is_empty() { MediumStack::new() } else { camera_in.clone() },
             camera: true,
             straight: 0,
             drawn: 1.0,

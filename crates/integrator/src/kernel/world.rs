@@ -43,6 +43,9 @@ pub(crate) trait World: Sync {
     #[inline(always)]
     fn intersect<R: Rng>(&self, ray: &Ray, camera: bool, rng: &mut R) -> Option<Hit> {
         let surfaces = self.surfaces()?;
+        if !surfaces.may_be_met(ray.origin, ray.direction, f64::INFINITY) {
+            return None;
+        }
         if camera {
             return surfaces.seen(ray.origin, ray.direction, f64::INFINITY, rng);
         }

@@ -77,7 +77,9 @@ impl EmissiveVolume {
 
 impl EmissiveVolumes {
     pub(crate) fn new(scene: &Scene) -> EmissiveVolumes {
-        EmissiveVolumes { volumes: scene.fires().filter_map(|field| EmissiveVolume::new(scene, field)).collect() }
+        EmissiveVolumes {
+            volumes: scene.fires().filter_map(|field| EmissiveVolume::new(scene, field)).collect(),
+        }
     }
 
     pub(crate) fn is_empty(&self) -> bool {
@@ -86,7 +88,12 @@ impl EmissiveVolumes {
 
     /// How a vertex at `p`, in a medium or at a surface, is drawn to the emissive volumes beside other light of which it would scatter `others` if it did so in all directions alike. A function of
     /// these alone; `None` if none is seen.
-    pub(crate) fn emission_mixture(&self, p: DVec3, in_medium: bool, others: f32) -> Option<EmissionMixture> {
+    pub(crate) fn emission_mixture(
+        &self,
+        p: DVec3,
+        in_medium: bool,
+        others: f32,
+    ) -> Option<EmissionMixture> {
         let mut views: SmallVec<[(f32, EmissionView); 1]> = self
             .volumes
             .iter()

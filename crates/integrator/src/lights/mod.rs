@@ -3,10 +3,10 @@
 mod emissive_volumes;
 mod tree;
 
-pub(crate) use emissive_volumes::{EmissiveVolumes, EmissionMixture};
+pub(crate) use emissive_volumes::{EmissionMixture, EmissiveVolumes};
 
-use crate::settings::LightSampling;
 use crate::kernel::luminance;
+use crate::settings::LightSampling;
 use glam::{DVec3, Vec3};
 use pileus_media::elementary::sin_cos_turn;
 use pileus_media::phase::ISOTROPIC;
@@ -468,7 +468,12 @@ impl Lights {
 
     /// How a vertex at `p` is drawn to emissive volumes beside the other lights and a constant environment of luminance `constant`; `None` if it is not.
     #[inline]
-    pub(crate) fn emission_mixture(&self, p: DVec3, in_medium: bool, constant: f32) -> Option<EmissionMixture> {
+    pub(crate) fn emission_mixture(
+        &self,
+        p: DVec3,
+        in_medium: bool,
+        constant: f32,
+    ) -> Option<EmissionMixture> {
         if self.emissive_volumes.is_empty() {
             return None;
         }

@@ -155,7 +155,7 @@ impl<'a> Entry<'a> {
 
     /// Draws the rate of a medium whose transmittance function is a mixture of exponentials.
     #[inline]
-    pub(super) fn draw_rate<R: Rng>(&mut self, passage: Passage<'_>, rng: &mut R) {
+    pub(super) fn draw_rate<R: Rng + Clone>(&mut self, passage: Passage<'_>, rng: &mut R) {
         self.rate = passage.rate(rng).unwrap_or(1.0);
     }
 
@@ -197,9 +197,7 @@ impl<'a> Entry<'a> {
     pub(super) fn field(&self, share: f32) -> Scaled<AnyRay<'a>> {
         let field = match (&self.met, self.flakes) {
             (Met::Grid(grid, span), None) => AnyRay::Grid(grid.any_ray(span)),
-            (Met::Homogeneous(medium, _, length), None) => {
-                AnyRay::Homogeneous(medium.ray(*length))
-            }
+            (Met::Homogeneous(medium, _, length), None) => AnyRay::Homogeneous(medium.ray(*length)),
             (Met::Grid(grid, span), Some((flakes, direction))) => {
                 let density = grid.any_ray(span);
                 AnyRay::GridOfFlakes(grid.flake_ray(density, flakes, direction, span))

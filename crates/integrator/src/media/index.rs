@@ -2,7 +2,7 @@
 //! meets.
 
 use super::Ray;
-use super::merged::is_special;
+use super::merged::{is_special, walk_of};
 use glam::{DVec3, Vec3A};
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
@@ -23,18 +23,48 @@ const PADDING: f64 = 1e-6;
 /// Media by number.
 pub(super) type MetMedia = SmallVec<[u32; 8]>;
 
+/// What a medium needs of a flight.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Walk {
+    /// A grid, walked as the kernels of one grid do.
+    Grid,
+    /// The same on a drawn rate: its transmittance function is a mixture of exponentials.
+    GridOnRates,
+    /// Anything else.
+    Other,
+}
+
 /// An index over a list of media.
 #[derive(Debug)]
 pub(crate) struct MediaIndex {
     /// Media that every ray asks: all of a short list, those without bounds of a long one.
     always: MetMedia,
+    /// Of a short list, the media with their boxes, which rays are held against first; empty for a single medium.
+    near: Vec<NearBox>,
     boxes: Option<Boxes>,
+    /// By medium.
+    pub(super) walks: Vec<Walk>,
     /// Whether any medium may need a flight of its own, or a rate: else no flight asks.
     pub(super) special: bool,
     /// Whether any is homogeneous: else no flight asks for closed forms.
     pub(super) homogeneous: bool,
     /// Whether any has a transmittance function that is not exponential.
     pub(super) non_exponential: bool,
+}
+
+/// How many media a ray may meet.
+pub(super) enum AtMostOne {
+    None,
+    One(usize),
+    More,
+}
+
+/// A medium's number and its padded box; infinite if it fills all space.
+#[derive(Debug)]
+struct NearBox {
+    number: u32,
+    low: [f64; 3],
+    high: [f64; 3],
 }
 
 /// The media with bounds, of a long list.
@@ -66,16 +96,38 @@ impl MediaIndex {
         let special = media.iter().any(|medium| is_special(medium));
         let homogeneous = media.iter().any(|m| matches!(**m, Medium::Homogeneous(_)));
         let non_exponential = media.iter().any(|medium| medium.law().is_some());
-        let with = |always, boxes| MediaIndex {
+        let walks: Vec<Walk> = media.iter().map(|medium| walk_of(medium)).collect();
+        let with = |always, near, boxes| MediaIndex {
             always,
+            near,
             boxes,
+            walks,
             special,
             homogeneous,
             non_exponential,
         };
         if media.len() <= MAX_WITHOUT_HIERARCHY {
-            let always = (0..media.len()).map(number).collect();
-            return with(always, None);
+            let everywhere = (DVec3::NEG_INFINITY, DVec3::INFINITY);
+            let mut always = MetMedia::new();
+            let mut near = Vec::new();
+            for (i, medium) in media.iter().enumerate() {
+                let (low, high) = match medium.bounds_world() {
+                    Some((low, high)) => {
+                        let padding = PADDING * (high - low).max_element();
+                        (low - padding, high + padding)
+                    }
+                    None if matches!(**medium, Medium::Homogeneous(_)) => everywhere,
+                    // An empty grid.
+                    None => continue,
+                };
+                always.push(number(i));
+                let (low, high) = (low.to_array(), high.to_array());
+                near.push(NearBox { number: number(i), low, high });
+            }
+            if near.len() == 1 {
+                near.clear();
+            }
+            return with(always, near, None);
         }
         let mut always = MetMedia::new();
         let mut bounded = Vec::new();
@@ -89,7 +141,7 @@ impl MediaIndex {
         }
         let all = bounded.iter().map(|(_, b)| *b).reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)));
         let Some((low, high)) = all else {
-            return with(always, None);
+            return with(always, Vec::new(), None);
         };
         let (centre, padding) = (0.5 * (low + high), PADDING * (high - low).max_element());
         let boxes: Vec<Padded> = bounded
@@ -107,17 +159,45 @@ impl MediaIndex {
             .iter()
             .filter_map(|&i| bounded.get(i as usize).map(|(medium, _)| *medium))
             .collect();
-        with(always, Some(Boxes { bvh, media, low, high }))
+        with(always, Vec::new(), Some(Boxes { bvh, media, low, high }))
     }
 
     /// The media that `ray` may meet up to `t_max`; some of them it may miss. In no order.
     #[inline]
     pub(crate) fn along(&self, ray: &Ray, t_max: f64) -> MetMedia {
-        let mut met = self.always.clone();
-        if let Some(boxes) = &self.boxes {
-            boxes.along(ray, t_max, &mut met);
+        if self.near.is_empty() {
+            let mut met = self.always.clone();
+            if let Some(boxes) = &self.boxes {
+                boxes.along(ray, t_max, &mut met);
+            }
+            return met;
         }
-        met
+        let inverse = ray.direction.as_dvec3().recip();
+        let met = self.near.iter().filter(|near| near.may_be_met(ray.origin, inverse, t_max));
+        met.map(|near| near.number).collect()
+    }
+
+    /// What [`MediaIndex::along`] would find, if it is not worth a list.
+    #[inline(always)]
+    pub(super) fn at_most_one(&self, ray: &Ray, t_max: f64) -> AtMostOne {
+        if self.near.is_empty() {
+            return match (self.always.as_slice(), &self.boxes) {
+                (&[number], None) => AtMostOne::One(number as usize),
+                ([], None) => AtMostOne::None,
+                _ => AtMostOne::More,
+            };
+        }
+        let inverse = ray.direction.as_dvec3().recip();
+        let mut found = AtMostOne::None;
+        for near in &self.near {
+            if near.may_be_met(ray.origin, inverse, t_max) {
+                if !matches!(found, AtMostOne::None) {
+                    return AtMostOne::More;
+                }
+                found = AtMostOne::One(near.number as usize);
+            }
+        }
+        found
     }
 
     /// The media that may hold a point.
@@ -133,6 +213,27 @@ impl MediaIndex {
             });
         }
         met
+    }
+}
+
+impl NearBox {
+    /// Whether a ray may meet the box up to `t_max`; `inverse`: of its direction. What is not a number comes of rays along a face, which miss.
+    #[inline(always)]
+    fn may_be_met(&self, origin: DVec3, inverse: DVec3, t_max: f64) -> bool {
+        // One instruction each, unlike the methods of the same meaning.
+        let larger = |a: f64, b: f64| if a > b { a } else { b };
+        let smaller = |a: f64, b: f64| if a < b { a } else { b };
+        let (mut start, mut end) = (0.0, t_max);
+        for axis in 0..3 {
+            let (o, inverse) = (origin[axis], inverse[axis]);
+            let (a, b) = ((self.low[axis] - o) * inverse, (self.high[axis] - o) * inverse);
+            start = larger(smaller(a, b), start);
+            end = smaller(larger(a, b), end);
+            if !(start <= end) {
+                return false;
+            }
+        }
+        true
     }
 }
 

@@ -11,7 +11,7 @@
 use super::channels::ChannelMode;
 use super::collisions::{Ahead, ManyMedia, OneMedium};
 use super::entry::{Entry, passage};
-use super::index::MetMedia;
+use super::index::{AtMostOne, MetMedia, Walk};
 use super::{Collision, FlightEnd, Media, MediaIndex, Methods, Ray, RaySegment, Shadow};
 use glam::{DVec3, Vec3};
 use pileus_media::distance::{
@@ -24,7 +24,7 @@ use pileus_media::transmittance::{
     ratio_tracking_with_roulette,
 };
 use pileus_media::{
-    Channels, FieldKernel, Grey, Medium, PhaseAt, RayField, Relative, Spectrum, Tally,
+    Channels, FieldKernel, Grey, GridMedium, Medium, PhaseAt, RayField, Relative, Spectrum, Tally,
     TentativeCollisions,
 };
 use rand_core::Rng;
@@ -33,12 +33,16 @@ use std::sync::Arc;
 
 /// All media of a scene, as a list.
 pub(crate) struct Merged<'a, C> {
-    pub(crate) media: &'a [Arc<Medium>],
-    pub(crate) index: &'a MediaIndex,
-    pub(crate) methods: Methods,
-    pub(crate) channels: C,
+    media: &'a [Arc<Medium>],
+    index: &'a MediaIndex,
+    methods: Methods,
+    channels: C,
     /// How debiased ray marching chooses its levels under transmittance functions that are not exponential.
-    pub(crate) series: Telescope,
+    series: Telescope,
+    /// Whether flights take tentative collisions in order, and not medium by medium.
+    tracks: bool,
+    /// Whether null decisions belong into weights, in media whose channels differ and in grey ones.
+    weighs: [bool; 2],
 }
 
 /// Entries that a ray meets, the nearest last.
@@ -114,6 +118,16 @@ pub(super) fn has_to_be_walked(medium: &Medium) -> bool {
     medium.phase().flakes().is_some_and(|flakes| flakes.by_grid())
 }
 
+/// What a medium needs of a flight.
+pub(super) fn walk_of(medium: &Medium) -> Walk {
+    match (medium, medium.law()) {
+        _ if medium.phase().flakes().is_some() => Walk::Other,
+        (Medium::Grid(_), None) => Walk::Grid,
+        (Medium::Grid(_), Some(law)) if runs_on_rates(medium, law) => Walk::GridOnRates,
+        _ => Walk::Other,
+    }
+}
+
 /// Whether a medium of a list may need a flight of its own, or a rate.
 pub(super) fn is_special(medium: &Medium) -> bool {
     medium.law().is_some() || is_uneven(medium)
@@ -132,7 +146,7 @@ struct FlyThrough<'r, C: ChannelMode, R> {
     tally: &'r mut Tally,
 }
 
-impl<C: ChannelMode, R: Rng> FieldKernel for FlyThrough<'_, C, R> {
+impl<C: ChannelMode, R: Rng + Clone> FieldKernel for FlyThrough<'_, C, R> {
     type Output = bool;
 
     #[inline(always)]
@@ -144,7 +158,12 @@ impl<C: ChannelMode, R: Rng> FieldKernel for FlyThrough<'_, C, R> {
         };
         let (ratio, weighted) = (self.ratio, self.weighted);
         let collisions = OneMedium { walk, medium, t_enter, ratio, weighted };
-        self.channels.fly(self.flight, collisions, decision, self.rng, self.tally)
+        // In registers through the loop, which values behind references are not.
+        let (mut rng, mut tally) = (self.rng.clone(), Tally::default());
+        let ended = self.channels.fly(self.flight, collisions, decision, &mut rng, &mut tally);
+        *self.rng = rng;
+        self.tally.merge(&tally);
+        ended
     }
 }
 
@@ -156,36 +175,77 @@ struct ShadowThrough<'r, C, R> {
     tally: &'r mut Tally,
 }
 
-impl<C: Channels, R: Rng> FieldKernel for ShadowThrough<'_, C, R> {
+impl<C: Channels, R: Rng + Clone> FieldKernel for ShadowThrough<'_, C, R> {
     type Output = RatioEstimate<C::Value>;
 
     #[inline(always)]
     fn run<F: RayField>(self, field: F) -> RatioEstimate<C::Value> {
-        let ShadowThrough { channels, threshold, rng, tally } = self;
+        let ShadowThrough { channels, threshold, .. } = self;
         let walk = TentativeCollisions::new(field);
-        ratio_tracking_with_roulette(walk, channels, threshold, rng, tally)
+        // As in flights.
+        let (mut rng, mut tally) = (self.rng.clone(), Tally::default());
+        let estimate =
+            ratio_tracking_with_roulette(walk, channels, threshold, &mut rng, &mut tally);
+        *self.rng = rng;
+        self.tally.merge(&tally);
+        estimate
     }
 }
 
 impl<'a, C: ChannelMode> Merged<'a, C> {
-    /// Whether flights take tentative collisions in order, and not medium by medium.
-    #[inline(always)]
-    fn tracks(&self) -> bool {
-        matches!(self.methods.distance, DistanceSampler::Spectral | DistanceSampler::Delta)
+    pub(crate) fn new(
+        (media, index): (&'a [Arc<Medium>], &'a MediaIndex),
+        methods: Methods,
+        channels: C,
+        series: Telescope,
+    ) -> Merged<'a, C> {
+        let tracks = matches!(methods.distance, DistanceSampler::Spectral | DistanceSampler::Delta);
+        let weighs = [false, true].map(|grey| methods.weigh_the_way(grey));
+        Merged { media, index, methods, channels, series, tracks, weighs }
     }
 
     /// Whether shadow rays walk a medium by the same collisions as flights, so that null decisions belong into weights.
     #[inline(always)]
     fn weighs(&self, medium: &Medium, ray: &Ray, t_max: f64) -> bool {
         let grey = C::GREY || medium.relative_extinction() == Vec3::ONE;
-        self.methods.weigh_the_way(grey)
+        self.weighs[usize::from(grey)]
             && (grey || !endless(medium, ray, t_max))
             && medium.law().is_none()
     }
 
+    /// Flies through a grid that no other medium overlaps, as the kernels of one grid do; whether no channel is under way behind it.
+    #[inline(always)]
+    fn fly_through_grid<R: Rng + Clone>(
+        &self,
+        (number, grid): (usize, &GridMedium),
+        segment: &RaySegment<'_>,
+        flight: &mut C::Flight,
+        first: Option<[f32; 2]>,
+        (rng, tally): (&mut R, &mut Tally),
+    ) -> bool {
+        let (channels, ratio) = (self.channels, grid.relative_extinction());
+        let share = if C::GREY { 1.0 } else { channels.share(flight, ratio) };
+        // Clear for all channels under way.
+        if !C::GREY && share <= 0.0 {
+            return false;
+        }
+        let RaySegment { ray, start, t_max } = *segment;
+        let Some(span) = grid.span(ray.origin, ray.direction, t_max) else { return false };
+        let mut weighted = self.weighs[usize::from(C::GREY || ratio == Vec3::ONE)];
+        let mut rate = 1.0;
+        if let Some(law) = grid.law() {
+            weighted = false;
+            rate = passage(law, start, number).rate(rng).unwrap_or(1.0);
+        }
+        let ratio = if C::GREY { Vec3::ONE } else { ratio / share };
+        let place = (number, span.t_enter);
+        let kernel = FlyThrough { channels, flight, first, place, ratio, weighted, rng, tally };
+        grid.with_ray(&span, share * rate, kernel)
+    }
+
     /// Flies through one medium that no other overlaps; whether no channel is under way behind it.
     #[inline(always)]
-    fn fly_through<R: Rng>(
+    fn fly_through<R: Rng + Clone>(
         &self,
         entry: &Entry<'_>,
         weighted: bool,
@@ -207,22 +267,25 @@ impl<'a, C: ChannelMode> Merged<'a, C> {
         )
     }
 
-    /// Flies past several media, or some that need more than a walk; `entries` as the index found them.
+    /// Flies past several media, or some that need more than a walk.
     #[inline(never)]
-    fn fly_past<R: Rng>(
+    fn fly_past<R: Rng + Clone>(
         &self,
         segment: RaySegment<'_>,
-        mut entries: Entries<'a>,
+        met: &[u32],
         mut first: Option<[f32; 2]>,
         flight: &mut C::Flight,
         (rng, tally): (&mut R, &mut Tally),
     ) -> (bool, Option<Collision>) {
         let ray = segment.ray;
+        let meet = |&number: &u32| {
+            let number = number as usize;
+            Entry::new(number, &self.media[number], ray, segment.t_max)
+        };
+        let mut entries: Entries<'a> = met.iter().filter_map(meet).collect();
         // Media that begin at the same point are told apart by their number, whatever order the index found them in.
-        entries.sort_unstable_by(|a, b| {
-            b.t().total_cmp(&a.t()).then(b.medium().cmp(&a.medium()))
-        });
-        if !self.tracks() {
+        entries.sort_unstable_by(|a, b| b.t().total_cmp(&a.t()).then(b.medium().cmp(&a.medium())));
+        if !self.tracks {
             let nearest = self.fly_each(segment, entries, first, flight, (rng, tally));
             return (false, nearest);
         }
@@ -259,7 +322,7 @@ impl<'a, C: ChannelMode> Merged<'a, C> {
     /// Flies past the media that are not walked: the nearest of their collisions, each by a closed form
     /// of its own, ends the flight if nothing does before. The weights of all count, since those
     /// that flew further stand for the transmittance up to there. Returns the other media, with rates where their transmittance functions have some, and that collision.
-    fn fly_own<R: Rng>(
+    fn fly_own<R: Rng + Clone>(
         &self,
         RaySegment { ray, start, t_max }: RaySegment<'_>,
         entries: Entries<'a>,
@@ -304,7 +367,7 @@ impl<'a, C: ChannelMode> Merged<'a, C> {
 
     /// Every sampler but those that take the collisions of all media in order: each medium flies alone, the nearest collision wins, and the
     /// weights of all flights count, since those that flew further stand for the transmittance up to there.
-    fn fly_each<R: Rng>(
+    fn fly_each<R: Rng + Clone>(
         &self,
         RaySegment { ray, start, t_max }: RaySegment<'_>,
         mut entries: Entries<'_>,
@@ -387,8 +450,8 @@ impl<'a, C: ChannelMode> Merged<'a, C> {
     }
 
     /// Transmittance of one medium, and the null probability that weights count with it.
-    #[inline(always)]
-    fn estimate<K: Channels, R: Rng>(
+    #[inline]
+    fn estimate<K: Channels, R: Rng + Clone>(
         &self,
         entry: &Entry<'_>,
         (share, channels): (f32, K),
@@ -396,8 +459,7 @@ impl<'a, C: ChannelMode> Merged<'a, C> {
         threshold: f32,
         (rng, tally): (&mut R, &mut Tally),
     ) -> (K::Value, K::Value) {
-        let by_ratio = self.methods.transmittance == Estimator::Ratio;
-        if by_ratio || entry.has_to_be_walked() {
+        if self.by_ratio() || entry.has_to_be_walked() {
             let kernel = ShadowThrough { channels, threshold, rng, tally };
             let estimate = entry.with_field(share, kernel);
             let nulls = if known { estimate.null_probability } else { K::Value::ONE };
@@ -409,8 +471,61 @@ impl<'a, C: ChannelMode> Merged<'a, C> {
     }
 
     /// What a shadow ray of a path with throughput `beta` finds of medium number `number`.
+    #[inline]
+    fn shadow<R: Rng + Clone>(
+        &self,
+        number: usize,
+        segment: &RaySegment<'_>,
+        threshold: f32,
+        beta: Vec3,
+        (rng, tally): (&mut R, &mut Tally),
+    ) -> Shadow {
+        let medium = &*self.media[number];
+        let ratio = medium.relative_extinction();
+        let grey = C::GREY || ratio == Vec3::ONE;
+        if self.by_ratio()
+            && self.index.walks[number] != Walk::Other
+            && let Medium::Grid(grid) = medium
+        {
+            let RaySegment { ray, start, t_max } = *segment;
+            let Some(span) = grid.span(ray.origin, ray.direction, t_max) else {
+                return Shadow::CLEAR;
+            };
+            let mut known = self.weighs[usize::from(grey)];
+            let mut rate = 1.0;
+            if let Some(law) = grid.law() {
+                known = false;
+                rate = passage(law, start, number).rate(rng).unwrap_or(1.0);
+            }
+            if grey {
+                let kernel = ShadowThrough { channels: Grey, threshold, rng, tally };
+                let estimate = grid.with_ray(&span, rate, kernel);
+                let nulls = if known { estimate.null_probability } else { 1.0 };
+                return Shadow {
+                    transmittance: Vec3::splat(estimate.transmittance),
+                    null_probability: Vec3::splat(nulls),
+                };
+            }
+            let Some((share, ratios)) = self.channels.shadow_ratios(beta, ratio) else {
+                return Shadow::CLEAR;
+            };
+            let kernel = ShadowThrough { channels: Relative(ratios), threshold, rng, tally };
+            let estimate = grid.with_ray(&span, share * rate, kernel);
+            let nulls = if known { estimate.null_probability } else { Vec3::ONE };
+            return Shadow { transmittance: estimate.transmittance, null_probability: nulls };
+        }
+        self.shadow_of_other(number, *segment, threshold, beta, (rng, tally))
+    }
+
+    /// Whether shadow rays run by ratio tracking.
     #[inline(always)]
-    fn shadow<R: Rng>(
+    fn by_ratio(&self) -> bool {
+        self.methods.transmittance == Estimator::Ratio
+    }
+
+    /// As [`Merged::shadow`], of a medium that is no grid, or by another estimator than ratio tracking.
+    #[inline(never)]
+    fn shadow_of_other<R: Rng + Clone>(
         &self,
         number: usize,
         RaySegment { ray, start, t_max }: RaySegment<'_>,
@@ -434,13 +549,13 @@ impl<'a, C: ChannelMode> Merged<'a, C> {
                 return Shadow { transmittance, ..Shadow::CLEAR };
             }
         }
-        let known = self.methods.weigh_the_way(grey) && medium.law().is_none();
+        let known = self.weighs[usize::from(grey)] && medium.law().is_none();
         if grey {
             let of_all = (1.0, Grey);
             let (t, n) = self.estimate(&entry, of_all, known, threshold, (rng, tally));
             return Shadow { transmittance: Vec3::splat(t), null_probability: Vec3::splat(n) };
         }
-        let ratios = if self.methods.transmittance == Estimator::Ratio {
+        let ratios = if self.by_ratio() {
             self.channels.shadow_ratios(beta, ratio)
         } else {
             Some((1.0, ratio))
@@ -454,7 +569,12 @@ impl<'a, C: ChannelMode> Merged<'a, C> {
 
     /// Draws a rate for a shadow ray, if the plan's estimator and the transmittance function of the medium run on one.
     #[inline]
-    fn draw_rate<R: Rng>(&self, entry: &mut Entry<'_>, passage: Passage<'_>, rng: &mut R) -> bool {
+    fn draw_rate<R: Rng + Clone>(
+        &self,
+        entry: &mut Entry<'_>,
+        passage: Passage<'_>,
+        rng: &mut R,
+    ) -> bool {
         let medium = &*self.media[entry.medium()];
         let rates = !matches!(
             self.methods.transmittance,
@@ -469,7 +589,7 @@ impl<'a, C: ChannelMode> Merged<'a, C> {
 
     /// Transmittance under a function that is not exponential, exact or by a debiasing series.
     #[inline(never)]
-    fn exact_or_debiased<R: Rng>(
+    fn exact_or_debiased<R: Rng + Clone>(
         &self,
         entry: &Entry<'_>,
         passage: Passage<'_>,
@@ -486,7 +606,7 @@ impl<'a, C: ChannelMode> Merged<'a, C> {
 
 /// A flight by inversion of the optical depth.
 #[inline(never)]
-fn fly_by_depth<R: Rng>(
+fn fly_by_depth<R: Rng + Clone>(
     entry: &Entry<'_>,
     passage: Option<Passage<'_>>,
     beta: Vec3,
@@ -528,7 +648,8 @@ fn known_transmittance(medium: &Medium, ray: &Ray, t_max: f64) -> Option<Shadow>
 impl<'a, C: ChannelMode> Media for Merged<'a, C> {
     type Channels = C;
 
-    fn flight<R: Rng>(
+    #[inline(always)]
+    fn flight<R: Rng + Clone>(
         &self,
         segment: RaySegment<'_>,
         beta: Vec3,
@@ -537,47 +658,29 @@ impl<'a, C: ChannelMode> Media for Merged<'a, C> {
         rng: &mut R,
         tally: &mut Tally,
     ) -> FlightEnd<C::Nulls> {
-        let RaySegment { ray, t_max, .. } = segment;
-        let met = self.index.along(ray, t_max);
         let mut flight = self.channels.begin(beta);
-        // Most rays meet one medium: it is not put into a list.
-        let (mut alone, mut entries): (Option<Entry<'a>>, Entries<'a>) = (None, SmallVec::new());
-        for &number in &met {
-            let number = number as usize;
-            if let Some(entry) = Entry::new(number, &self.media[number], ray, t_max) {
-                if alone.is_none() && entries.is_empty() {
-                    alone = Some(entry);
-                } else {
-                    entries.extend(alone.take());
-                    entries.push(entry);
-                }
+        // Most rays meet one medium.
+        match self.index.at_most_one(segment.ray, segment.t_max) {
+            AtMostOne::None => return self.channels.end(flight, None, decoupled),
+            AtMostOne::One(number)
+                if self.tracks
+                    && self.index.walks[number] != Walk::Other
+                    && let Medium::Grid(grid) = &*self.media[number] =>
+            {
+                self.fly_through_grid((number, grid), &segment, &mut flight, first, (rng, tally));
+                return self.channels.end(flight, None, decoupled);
             }
+            _ => {}
         }
-        let mut own = None;
-        let ended = match alone {
-            Some(entry) if self.tracks() && !self.index.special => {
-                let weighted = self.weighs(&self.media[entry.medium()], ray, t_max);
-                self.fly_through(&entry, weighted, &mut flight, first, (rng, tally))
-            }
-            alone => {
-                entries.extend(alone);
-                if entries.is_empty() {
-                    false
-                } else {
-                    let ended;
-                    (ended, own) =
-                        self.fly_past(segment, entries, first, &mut flight, (rng, tally));
-                    ended
-                }
-            }
-        };
-        if !ended && own.is_none() && self.index.homogeneous {
-            self.count_closed_forms(&met, ray, t_max, &mut flight);
+        let met = self.index.along(segment.ray, segment.t_max);
+        let (ended, own) = self.fly_past(segment, &met, first, &mut flight, (rng, tally));
+        if self.index.homogeneous && !ended && own.is_none() {
+            self.count_closed_forms(&met, segment.ray, segment.t_max, &mut flight);
         }
         self.channels.end(flight, own, decoupled)
     }
 
-    fn transmittance<R: Rng>(
+    fn transmittance<R: Rng + Clone>(
         &self,
         segment: RaySegment<'_>,
         threshold: f32,
@@ -585,10 +688,17 @@ impl<'a, C: ChannelMode> Media for Merged<'a, C> {
         rng: &mut R,
         tally: &mut Tally,
     ) -> Shadow {
+        match self.index.at_most_one(segment.ray, segment.t_max) {
+            AtMostOne::None => return Shadow::CLEAR,
+            AtMostOne::One(number) => {
+                return self.shadow(number, &segment, threshold, beta, (rng, tally));
+            }
+            AtMostOne::More => {}
+        }
         let mut shadow = Shadow::CLEAR;
         for index in self.index.along(segment.ray, segment.t_max) {
             let number = index as usize;
-            let found = self.shadow(number, segment, threshold, beta, (rng, tally));
+            let found = self.shadow(number, &segment, threshold, beta, (rng, tally));
             shadow.transmittance *= found.transmittance;
             shadow.null_probability *= found.null_probability;
             if shadow.transmittance == Vec3::ZERO {
@@ -598,7 +708,7 @@ impl<'a, C: ChannelMode> Media for Merged<'a, C> {
         shadow
     }
 
-    fn scattering<R: Rng>(
+    fn scattering<R: Rng + Clone>(
         &self,
         p_world: DVec3,
         incoming: Vec3,
@@ -629,7 +739,7 @@ impl<'a, C: ChannelMode> Media for Merged<'a, C> {
         hull
     }
 
-    fn properties<R: Rng>(
+    fn properties<R: Rng + Clone>(
         &self,
         collision: &Collision,
         p_world: DVec3,

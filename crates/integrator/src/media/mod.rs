@@ -120,7 +120,7 @@ pub(crate) trait Media: Sync {
     /// stratified uniform number for what it is taken for.
     ///
     /// Where channels decouple, what is returned is the end of some of them, and `decoupled` gets the rest.
-    fn flight<R: Rng>(
+    fn flight<R: Rng + Clone>(
         &self,
         segment: RaySegment<'_>,
         beta: Vec3,
@@ -132,7 +132,7 @@ pub(crate) trait Media: Sync {
 
     /// An estimate of the transmittance of a segment that ends at a place which is correlated with no medium, for the channels that have throughput in `beta`.
     /// Walks whose product falls below `threshold` undergo Russian roulette.
-    fn transmittance<R: Rng>(
+    fn transmittance<R: Rng + Clone>(
         &self,
         segment: RaySegment<'_>,
         threshold: f32,
@@ -142,7 +142,7 @@ pub(crate) trait Media: Sync {
     ) -> Shadow;
 
     /// Calls `visit` with scattering coefficient per channel, 1/length, and phase function of every medium at a point, for light that arrives along `incoming`.
-    fn scattering<R: Rng>(
+    fn scattering<R: Rng + Clone>(
         &self,
         p_world: DVec3,
         incoming: Vec3,
@@ -154,7 +154,7 @@ pub(crate) trait Media: Sync {
     fn extent(&self, ray: &Ray, t_max: f64) -> Option<(f64, f64)>;
 
     /// Phase function and albedo at a collision of a ray along `incoming`.
-    fn properties<R: Rng>(
+    fn properties<R: Rng + Clone>(
         &self,
         collision: &Collision,
         p_world: DVec3,

@@ -13,7 +13,7 @@ impl Media for NoMedia {
     type Channels = Grey;
 
     #[inline(always)]
-    fn flight<R: Rng>(
+    fn flight<R: Rng + Clone>(
         &self,
         _: RaySegment<'_>,
         beta: Vec3,
@@ -26,7 +26,7 @@ impl Media for NoMedia {
     }
 
     #[inline(always)]
-    fn transmittance<R: Rng>(
+    fn transmittance<R: Rng + Clone>(
         &self,
         _: RaySegment<'_>,
         _: f32,
@@ -38,7 +38,7 @@ impl Media for NoMedia {
     }
 
     #[inline(always)]
-    fn scattering<R: Rng>(
+    fn scattering<R: Rng + Clone>(
         &self,
         _: DVec3,
         _: Vec3,
@@ -53,7 +53,7 @@ impl Media for NoMedia {
     }
 
     #[inline(always)]
-    fn properties<R: Rng>(
+    fn properties<R: Rng + Clone>(
         &self,
         _: &Collision,
         _: DVec3,

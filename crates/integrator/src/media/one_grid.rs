@@ -5,16 +5,14 @@ use super::collisions::OneMedium;
 use super::{Collision, FlightEnd, Media, Ray, RaySegment, Shadow};
 use glam::{DVec3, Vec3};
 use pileus_media::transmittance::ratio_tracking_with_roulette;
-use pileus_media::{
-    Grey, GridMedium, PhaseAt, Relative, Tally, TentativeCollisions, Voxel,
-};
+use pileus_media::{Grey, GridMedium, PhaseAt, Relative, Tally, TentativeCollisions, Voxel};
 use rand_core::Rng;
 use std::marker::PhantomData;
 
 /// Which phase functions a kernel is compiled for.
 pub(crate) trait PhaseAxis: Sync {
     /// The phase function at a point of a medium, for light that arrives along `incoming`.
-    fn at<'a, R: Rng>(
+    fn at<'a, R: Rng + Clone>(
         medium: &'a GridMedium,
         p_world: DVec3,
         incoming: Vec3,
@@ -27,7 +25,7 @@ pub(crate) struct IsotropicOrHenyeyGreenstein;
 
 impl PhaseAxis for IsotropicOrHenyeyGreenstein {
     #[inline(always)]
-    fn at<'a, R: Rng>(medium: &'a GridMedium, _: DVec3, _: Vec3, _: &mut R) -> PhaseAt<'a> {
+    fn at<'a, R: Rng + Clone>(medium: &'a GridMedium, _: DVec3, _: Vec3, _: &mut R) -> PhaseAt<'a> {
         medium.phase().plain().unwrap_or(PhaseAt::Isotropic)
     }
 }
@@ -37,7 +35,7 @@ pub(crate) struct AnyPhase;
 
 impl PhaseAxis for AnyPhase {
     #[inline(always)]
-    fn at<'a, R: Rng>(
+    fn at<'a, R: Rng + Clone>(
         medium: &'a GridMedium,
         p_world: DVec3,
         incoming: Vec3,
@@ -59,7 +57,7 @@ impl<V: Voxel, C: ChannelMode, P: PhaseAxis> Media for OneGrid<'_, V, C, P> {
     type Channels = C;
 
     #[inline(always)]
-    fn flight<R: Rng>(
+    fn flight<R: Rng + Clone>(
         &self,
         RaySegment { ray, t_max, .. }: RaySegment<'_>,
         beta: Vec3,
@@ -88,7 +86,7 @@ impl<V: Voxel, C: ChannelMode, P: PhaseAxis> Media for OneGrid<'_, V, C, P> {
     }
 
     #[inline(always)]
-    fn transmittance<R: Rng>(
+    fn transmittance<R: Rng + Clone>(
         &self,
         RaySegment { ray, t_max, .. }: RaySegment<'_>,
         threshold: f32,
@@ -118,7 +116,7 @@ impl<V: Voxel, C: ChannelMode, P: PhaseAxis> Media for OneGrid<'_, V, C, P> {
         }
     }
 
-    fn scattering<R: Rng>(
+    fn scattering<R: Rng + Clone>(
         &self,
         p_world: DVec3,
         incoming: Vec3,
@@ -137,7 +135,7 @@ impl<V: Voxel, C: ChannelMode, P: PhaseAxis> Media for OneGrid<'_, V, C, P> {
     }
 
     #[inline(always)]
-    fn properties<R: Rng>(
+    fn properties<R: Rng + Clone>(
         &self,
         _: &Collision,
         p_world: DVec3,

@@ -63,10 +63,12 @@ pub struct KernelAxes {
 impl fmt::Display for KernelAxes {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let events = match self.events {
-            Events::None => return f.write_str(match self.world {
-                World::Volumes => "nothing but the environment",
-                World::VolumesAndSurfaces => "no volumes, surfaces",
-            }),
+            Events::None => {
+                return f.write_str(match self.world {
+                    World::Volumes => "nothing but the environment",
+                    World::VolumesAndSurfaces => "no volumes, surfaces",
+                });
+            }
             Events::OneGrid => "one grid",
             Events::MergedList => "merged list",
         };

@@ -76,4 +76,3 @@ pub(super) fn describe_panes(
 
 /// Most materials that a sentence of the plan names.
 const MAX_NAMED: usize = 8;
-

@@ -86,4 +86,3 @@ pub(super) fn describe(name: &str, medium: &Medium) -> PlannedVolume {
         },
     }
 }
-

@@ -248,9 +248,8 @@ pub(super) fn choose(
 
 /// Volumes whose microflakes differ from place to place.
 fn microflakes_by_grid(scene: &Scene) -> impl Iterator<Item = &Volume> {
-    let by_grid = |volume: &&Volume| {
-        volume.medium.phase().flakes().is_some_and(|flakes| flakes.by_grid())
-    };
+    let by_grid =
+        |volume: &&Volume| volume.medium.phase().flakes().is_some_and(|flakes| flakes.by_grid());
     scene.volumes.iter().filter(by_grid)
 }
 
@@ -273,4 +272,3 @@ pub(super) fn are_analog(scene: &Scene, channels: Channels, methods: Methods) ->
         Channels::Spectral => false,
     }
 }
-

@@ -192,8 +192,7 @@ impl Facts {
         }
         if kernel.world == World::VolumesAndSurfaces {
             let counts = scene.surfaces.as_deref().map(Surfaces::counts).unwrap_or_default();
-            let emissive =
-                scene.surfaces.as_ref().map_or(0, |surfaces| surfaces.emitters().len());
+            let emissive = scene.surfaces.as_ref().map_or(0, |surfaces| surfaces.emitters().len());
             reasons.push(format!(
                 "{} triangles in {} instances ({emissive} of them emissive), {} emissive volumes: surfaces are events along the ray, in order with the \
                  collisions",

@@ -9,7 +9,6 @@ pub(crate) use radiance::RadianceCache;
 
 use crate::cost::PathCost;
 use crate::plan::warnings;
-use crate::plan::World;
 use crate::renderer::Parts;
 use crate::settings::ShadowRoulette;
 use pileus_media::Medium;
@@ -63,14 +62,13 @@ impl Prepass {
     fn choose_shadow_roulette(&mut self, parts: &Parts<'_>) {
         let (plan, lights) = (parts.plan, parts.lights);
         let distant = lights.positions().next().is_none() && !lights.is_empty();
-        let possible =
-            distant && !plan.volumes.is_empty() && plan.kernel.world == World::Volumes;
+        let possible = distant && !plan.volumes.is_empty();
         let roulette = parts.settings.shadow_roulette;
         let asked = roulette == ShadowRoulette::Expected;
         if !possible || roulette == ShadowRoulette::Importance {
             if asked {
                 self.reasons.push(
-                    "shadow rays undergo Russian roulette by importance: a radiance cache is for media alone under distant lights"
+                    "shadow rays undergo Russian roulette by importance: a radiance cache is for media under distant lights"
                         .into(),
                 );
             }

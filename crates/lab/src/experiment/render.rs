@@ -294,7 +294,12 @@ pub fn chart_render(experiment: &RenderExperiment<'_>) -> Result<Chart, Error> {
         };
         table.push(vec![
             run.method.name().into(),
-            format!("{}+{}", run.renderer.plan().distance.name(), run.renderer.plan().transmittance.name()).into(),
+            format!(
+                "{}+{}",
+                run.renderer.plan().distance.name(),
+                run.renderer.plan().transmittance.name()
+            )
+            .into(),
             Cell::Count(run.film.samples()),
             run.seconds.into(),
             (*error).into(),

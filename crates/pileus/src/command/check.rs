@@ -9,8 +9,7 @@ use crate::settings::Overrides;
 pub(crate) fn run(options: &InputOptions, report: &Report) -> Result<(), Failure> {
     // No path is traced: it takes as long as loading does.
     let overrides = Overrides::default();
-    let Prepared { settings, loaded, .. } =
-        prepare_to_write(options, &overrides)?;
+    let Prepared { settings, loaded, .. } = prepare_to_write(options, &overrides)?;
     // What only the film can refuse, a crop outside the image for one.
     pileus_film::Film::new(loaded.scene.camera.resolution(), settings.crop)?;
     let [width, height] = loaded.scene.camera.resolution();

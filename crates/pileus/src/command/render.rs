@@ -33,8 +33,7 @@ impl Monitor for Watch<'_> {
 pub(crate) fn run(options: &RenderOptions, report: &Report) -> Result<(), Failure> {
     let start = Instant::now();
     let signals = Signals::handled();
-    let Prepared { settings, loaded, .. } =
-        prepare_to_write(&options.input, &options.overrides())?;
+    let Prepared { settings, loaded, .. } = prepare_to_write(&options.input, &options.overrides())?;
     let scene = &loaded.scene;
     if let Some(path) = &options.save_job {
         write_json(path, &settings.saved_job())?;

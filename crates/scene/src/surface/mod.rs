@@ -61,6 +61,8 @@ pub struct Surfaces {
     /// Of each mesh the place of each triangle among its emissive ones; empty if there are none.
     ranks: Vec<Vec<u32>>,
     bounds: (DVec3, DVec3),
+    /// The bounds, padded by more than rounding can move a ray against them.
+    padded: (DVec3, DVec3),
     /// Whether light may go straight through some surface.
     has_panes: bool,
 }
@@ -163,6 +165,7 @@ impl Surfaces {
             emitters: vec![],
             ranks: vec![],
             bounds,
+            padded: padded(bounds),
             has_panes: false,
         };
         surfaces.find_emitters()?;
@@ -264,6 +267,21 @@ impl Surfaces {
     ) -> Option<Hit> {
         let ray = DRay { origin, direction: direction.as_dvec3() };
         self.trace::<false, false>(ray, t_max, rng)
+    }
+
+    /// Whether a ray comes near the surfaces within `t_max`, in lengths of `direction`; if not it hits nothing. A quick test for callers whose rays mostly pass by.
+    #[inline(always)]
+    pub fn may_be_met(&self, origin: DVec3, direction: Vec3, t_max: f64) -> bool {
+        let inverse = direction.as_dvec3().recip();
+        let (a, b) = ((self.padded.0 - origin) * inverse, (self.padded.1 - origin) * inverse);
+        let (from, to) = (a.min(b), a.max(b));
+        // One instruction each, unlike the methods of the same meaning.
+        let larger = |a: f64, b: f64| if a > b { a } else { b };
+        let smaller = |a: f64, b: f64| if a < b { a } else { b };
+        let start = larger(larger(from.x, from.y), larger(from.z, 0.0));
+        let end = smaller(smaller(to.x, to.y), smaller(to.z, t_max));
+        // Also true for what is not a number: the walk decides.
+        !(start > end)
     }
 
     /// The nearest hit of a camera's ray: as [`Self::intersect`], but backs of single-sided
@@ -572,6 +590,13 @@ impl Instance {
         let turned = tangent * texel.x + bitangent * texel.y + n * texel.z;
         Some(turned.try_normalize()?.as_vec3())
     }
+}
+
+/// Bounds with room for the rounding of rays in double precision, and more than a tree of surfaces pads its boxes by.
+fn padded((low, high): (DVec3, DVec3)) -> (DVec3, DVec3) {
+    let largest = low.abs().max(high.abs()).max_element();
+    let padding = (high - low).max_element() * (1.0 / 65_536.0) + largest * 1e-12;
+    (low - padding, high + padding)
 }
 
 /// Bounds of a box's eight corners in the world, rounding included.

@@ -43,6 +43,7 @@ impl ChannelMode for Grey {
         rng: &mut R,
         tally: &mut Tally,
     ) -> bool {
+        let mut null_probability = flight.null_probability;
         let ended = loop {
             let Some(tentative) = collisions.next(rng) else { break false };
             let sigma_t = collisions.sigma_t(tentative, tally);
@@ -53,9 +54,10 @@ impl ChannelMode for Grey {
             }
             tally.null_collisions += 1;
             if collisions.weighted() {
-                flight.null_probability *= 1.0 - sigma_t / tentative.majorant;
+                null_probability *= 1.0 - sigma_t / tentative.majorant;
             }
         };
+        flight.null_probability = null_probability;
         tally.majorant_steps += collisions.steps();
         ended
     }

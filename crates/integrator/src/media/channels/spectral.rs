@@ -50,28 +50,30 @@ impl ChannelMode for Spectral {
         rng: &mut R,
         tally: &mut Tally,
     ) -> bool {
+        let (mut beta, mut null_probability) = (flight.beta, flight.null_probability);
         let ended = loop {
             let Some(tentative) = collisions.next(rng) else { break false };
             let sigma_t = collisions.sigma_t(tentative, tally);
             let real = collisions.ratio() * (sigma_t / tentative.majorant);
-            let weights = if self.by_throughput { flight.beta } else { Vec3::ONE };
+            let weights = if self.by_throughput { beta } else { Vec3::ONE };
             let probability = real_probability(real, weights);
             if happens(probability, rng) {
                 tally.collisions += 1;
-                flight.beta *= real / probability;
+                beta *= real / probability;
                 flight.collision = Some(collisions.place(tentative));
                 break true;
             }
             tally.null_collisions += 1;
-            flight.beta *= (Vec3::ONE - real) / (1.0 - probability);
+            beta *= (Vec3::ONE - real) / (1.0 - probability);
             if collisions.weighted() {
-                flight.null_probability *= 1.0 - probability;
+                null_probability *= 1.0 - probability;
             }
             // No extinction in any channel that has throughput, now and for all that follows: an endless walk would not end.
             if probability == 0.0 && collisions.is_endless() && !collisions.leave_medium() {
                 break false;
             }
         };
+        (flight.beta, flight.null_probability) = (beta, null_probability);
         tally.majorant_steps += collisions.steps();
         ended
     }

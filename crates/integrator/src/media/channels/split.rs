@@ -98,15 +98,17 @@ impl ChannelMode for Split {
         let mut decision = decision.map(Decision::of_stratified);
         let mut inverse = 1.0;
         let mut under_way = flight.under_way;
+        let mut null_probability = flight.null_probability;
         while let Some(tentative) = collisions.next_of_share(inverse, rng) {
             let sigma_t = collisions.sigma_t(tentative, tally);
-            let real = (collisions.ratio() * under_way)
-                * (inverse * (sigma_t / tentative.majorant));
+            let real =
+                (collisions.ratio() * under_way) * (inverse * (sigma_t / tentative.majorant));
             let mut u = decision.take().unwrap_or_else(|| Decision::new(rng));
             let collide = u.is_below_each(real, rng);
             if collide.any() {
                 tally.collisions += 1;
                 let channels = Vec3::select(collide, under_way, Vec3::ZERO);
+                flight.null_probability = null_probability;
                 let end = flight.end_some(channels, Some(collisions.place(tentative)));
                 flight.ended.push(end);
                 under_way = flight.under_way;
@@ -126,9 +128,10 @@ impl ChannelMode for Split {
                 tally.null_collisions += 1;
             }
             if collisions.weighted() {
-                flight.null_probability *= Vec3::ONE - real;
+                null_probability *= Vec3::ONE - real;
             }
         }
+        flight.null_probability = null_probability;
         tally.majorant_steps += collisions.steps();
         flight.under_way == Vec3::ZERO
     }
