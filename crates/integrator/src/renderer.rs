@@ -12,7 +12,7 @@ use crate::media::{
     Ray,
 };
 use crate::plan::thickness::typical_sigma_t;
-use crate::plan::{self, Channels, Events, PhaseFunctions, Plan};
+use crate::plan::{self, Channels, Events, PhaseFunctions, Plan, extinguishes};
 use crate::prepass::{Prepass, RadianceCache};
 use crate::sampler::PathSampler;
 use crate::settings::RenderSettings;
@@ -71,7 +71,7 @@ const PATHS_BETWEEN_LOOKS: u32 = 64;
 /// Seconds that a pass should take: what a cancelled render loses at most, roughly.
 const PASS_SECONDS: f64 = 2.0;
 
-/// The media of a scene, with the majorants that the settings ask for.
+/// The media of a scene that have any extinction, with the majorants that the settings ask for.
 #[derive(Debug)]
 pub(crate) struct PlannedMedia {
     pub(crate) media: Vec<Arc<Medium>>,
@@ -85,6 +85,7 @@ impl PlannedMedia {
         let media: Vec<Arc<Medium>> = scene
             .volumes
             .iter()
+            .filter(|volume| extinguishes(&volume.medium))
             .map(|volume| {
                 if default {
                     return Ok(Arc::clone(&volume.medium));

@@ -39,7 +39,7 @@ pub(super) enum Walk {
 pub(crate) struct MediaIndex {
     /// Media that every ray asks: all of a short list, those without bounds of a long one.
     always: MetMedia,
-    /// Of a short list, the media with their boxes, which rays are held against first; empty for a single medium.
+    /// Of a short list, the media with their boxes, which rays are held against first, the largest in front; empty for a single medium.
     near: Vec<NearBox>,
     boxes: Option<Boxes>,
     /// By medium.
@@ -127,6 +127,7 @@ impl MediaIndex {
             if near.len() == 1 {
                 near.clear();
             }
+            near.sort_by(|a: &NearBox, b: &NearBox| b.volume().total_cmp(&a.volume()));
             return with(always, near, None);
         }
         let mut always = MetMedia::new();
@@ -187,17 +188,23 @@ impl MediaIndex {
                 _ => AtMostOne::More,
             };
         }
+        let Some((largest, others)) = self.near.split_first() else { return AtMostOne::None };
         let inverse = ray.direction.as_dvec3().recip();
-        let mut found = AtMostOne::None;
-        for near in &self.near {
+        let mut found = None;
+        for near in others {
             if near.may_be_met(ray.origin, inverse, t_max) {
-                if !matches!(found, AtMostOne::None) {
+                if found.is_some() {
                     return AtMostOne::More;
                 }
-                found = AtMostOne::One(near.number as usize);
+                found = Some(near.number);
             }
         }
-        found
+        match found {
+            // Whether it is met its walk finds out.
+            None => AtMostOne::One(largest.number as usize),
+            Some(_) if largest.may_be_met(ray.origin, inverse, t_max) => AtMostOne::More,
+            Some(number) => AtMostOne::One(number as usize),
+        }
     }
 
     /// The media that may hold a point.
@@ -217,6 +224,10 @@ impl MediaIndex {
 }
 
 impl NearBox {
+    fn volume(&self) -> f64 {
+        (0..3).map(|axis| self.high[axis] - self.low[axis]).product()
+    }
+
     /// Whether a ray may meet the box up to `t_max`; `inverse`: of its direction. What is not a number comes of rays along a face, which miss.
     #[inline(always)]
     fn may_be_met(&self, origin: DVec3, inverse: DVec3, t_max: f64) -> bool {

@@ -604,6 +604,17 @@ impl<'a, C: ChannelMode> Merged<'a, C> {
     }
 }
 
+/// The phase function at a collision, if it is neither isotropic nor Henyey-Greenstein, the same everywhere.
+#[inline(never)]
+fn other_phase<'m, R: Rng>(
+    medium: &'m Medium,
+    p_world: DVec3,
+    incoming: Vec3,
+    rng: &mut R,
+) -> PhaseAt<'m> {
+    medium.phase_at(p_world, incoming, rng)
+}
+
 /// A flight by inversion of the optical depth.
 #[inline(never)]
 fn fly_by_depth<R: Rng + Clone>(
@@ -648,7 +659,6 @@ fn known_transmittance(medium: &Medium, ray: &Ray, t_max: f64) -> Option<Shadow>
 impl<'a, C: ChannelMode> Media for Merged<'a, C> {
     type Channels = C;
 
-    #[inline(always)]
     fn flight<R: Rng + Clone>(
         &self,
         segment: RaySegment<'_>,
@@ -739,6 +749,7 @@ impl<'a, C: ChannelMode> Media for Merged<'a, C> {
         hull
     }
 
+    #[inline(always)]
     fn properties<R: Rng + Clone>(
         &self,
         collision: &Collision,
@@ -746,8 +757,12 @@ impl<'a, C: ChannelMode> Media for Merged<'a, C> {
         incoming: Vec3,
         rng: &mut R,
     ) -> (PhaseAt<'_>, Vec3) {
-        let medium = &self.media[collision.medium];
-        (medium.phase_at(p_world, incoming, rng), medium.albedo_at(p_world))
+        let medium = &*self.media[collision.medium];
+        let phase = match medium.phase().plain() {
+            Some(phase) => phase,
+            None => other_phase(medium, p_world, incoming, rng),
+        };
+        (phase, medium.albedo_at(p_world))
     }
 
     fn starts_matter(&self) -> bool {

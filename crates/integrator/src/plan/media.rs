@@ -35,6 +35,14 @@ pub(super) const DENSE: f64 = 16_384.0;
 /// That from which on they do not end.
 pub(super) const TOO_DENSE: f64 = 1e7;
 
+/// Whether a medium has any extinction: no path asks for others.
+pub(crate) fn extinguishes(medium: &Medium) -> bool {
+    match medium {
+        Medium::Grid(grid) => grid.scale() > 0.0 && grid.bounds_world().is_some(),
+        Medium::Homogeneous(medium) => medium.scale() > 0.0,
+    }
+}
+
 /// Optical depth per voxel of a volume's majorants, at most; zero for homogeneous media.
 pub(super) fn depth_of(volume: &Volume, settings: &RenderSettings) -> f64 {
     let depth = match &*volume.medium {

@@ -10,6 +10,7 @@ pub(crate) mod warnings;
 
 pub use axes::{Channels, Events, KernelAxes, PhaseFunctions, World};
 pub use media::PlannedVolume;
+pub(crate) use media::extinguishes;
 
 use crate::Error;
 use crate::counters::Counters;
@@ -67,6 +68,7 @@ pub struct Plan {
 
 /// What of a scene and its settings decides the kernel.
 struct Facts {
+    /// Those with any extinction.
     volumes: usize,
     /// Whether the only volume is a grid that the kernels of one grid can walk.
     one_grid: bool,
@@ -85,12 +87,13 @@ struct Facts {
 
 impl Facts {
     fn of(scene: &Scene, settings: &RenderSettings) -> Facts {
-        let media = || scene.volumes.iter().map(|volume| &*volume.medium);
+        let media =
+            || scene.volumes.iter().map(|volume| &*volume.medium).filter(|m| extinguishes(m));
         let wide = |medium: &Medium| matches!(medium, Medium::Grid(grid) if grid.is_wide());
         let microflakes = media().any(|medium| medium.phase().flakes().is_some());
         let non_exponential = media().any(|medium| medium.law().is_some());
         let grid = media().all(|m| matches!(m, Medium::Grid(_)) && !wide(m));
-        let volumes = scene.volumes.len();
+        let volumes = media().count();
         Facts {
             volumes,
             one_grid: volumes == 1 && grid && !microflakes && !non_exponential,
@@ -238,6 +241,10 @@ impl Plan {
         let kernel = facts.axes(scene, settings, methods);
         let mut reasons = Vec::new();
         facts.explain(kernel, scene, &mut reasons);
+        for volume in scene.volumes.iter().filter(|volume| !extinguishes(&volume.medium)) {
+            reasons
+                .push(format!("volume `{}` has no extinction: no path asks for it", volume.name));
+        }
         reasons.append(&mut chosen);
         if settings.distance == Distance::Split && kernel.channels != Channels::Split {
             reasons.push(
