@@ -2,7 +2,7 @@
 #![allow(clippy::print_stdout, reason = "figures are worth reading beside a verdict")]
 
 use glam::{DVec3, Vec3};
-use pileus_integrator::{Distance, Plan, RenderSettings, Transmittance};
+use pileus_integrator::{Plan, RenderSettings};
 use pileus_media::distance::DistanceSampler;
 use pileus_media::transmittance::Estimator;
 use pileus_media::{Medium, Phase};
@@ -25,7 +25,7 @@ fn lumpy(sigma_t: [f32; 3], albedo: [f32; 3]) -> Medium {
 }
 
 fn by(distance: DistanceSampler, spp: u64, seed: u64) -> RenderSettings {
-    RenderSettings { distance: Distance::By(distance), ..settings(spp, seed) }
+    RenderSettings { distance: Some(distance), ..settings(spp, seed) }
 }
 
 fn kernel(scene: &Scene, settings: &RenderSettings) -> &'static str {
@@ -110,7 +110,11 @@ fn parted_channels_are_weighted_against_shadow_rays() {
     };
     for (seed, light) in ["disc", "image", "point"].into_iter().enumerate() {
         let scene = build(light);
-        let distance = if light == "point" { Distance::Equiangular } else { Distance::Split };
+        let distance = if light == "point" {
+            Some(DistanceSampler::Equiangular)
+        } else {
+            Some(DistanceSampler::Split)
+        };
         let settings = RenderSettings { distance, ..settings(64, 20 + seed as u64) };
         let plan = Plan::new(&scene, &settings).expect("a plan");
         assert_eq!((plan.kernel_name(), plan.mis), ("single_chromatic", light != "point"));
@@ -145,8 +149,8 @@ fn the_plan_says_where_channels_do_not_part() {
     let fog = cube_homogeneous(1.5, [0.3, 0.2, 0.1], [0.9; 3], Phase::Isotropic);
     let two = scene(vec![grid, fog], EYE, DVec3::ZERO, 36.0);
     let grey = lit(lumpy([4.0; 3], [0.9; 3]), EYE);
-    let split = RenderSettings { distance: Distance::Split, ..settings(1, 1) };
-    let regular = Transmittance::By(Estimator::Regular);
+    let split = RenderSettings { distance: Some(DistanceSampler::Split), ..settings(1, 1) };
+    let regular = Some(Estimator::Regular);
     let cases = [
         (&two, split.clone(), "overlapping", "spectral"),
         (&grey, split.clone(), "single_grey", "delta"),
@@ -168,8 +172,11 @@ fn the_plan_says_where_channels_do_not_part() {
         let plan = Plan::new(scene, &settings).expect("a plan");
         assert_eq!((plan.kernel_name(), plan.distance.name()), (kernel, distance));
         let said = plan.reasons.iter().any(|reason| reason.contains("channels part only"));
-        assert_eq!(said, settings.distance == Distance::Split);
+        assert_eq!(said, settings.distance == Some(DistanceSampler::Split));
     }
     let plan = Plan::new(&one, &split).expect("a plan");
-    assert_eq!((plan.kernel_name(), plan.distance), ("single_chromatic", Distance::Split));
+    assert_eq!(
+        (plan.kernel_name(), plan.distance),
+        ("single_chromatic", DistanceSampler::Split)
+    );
 }

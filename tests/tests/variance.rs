@@ -21,7 +21,7 @@ const SEEDS: u64 = 200;
 fn load(path: &Path, resolution: Option<[u32; 2]>) -> (Scene, RenderSettings) {
     let input = Input::open(path, &VdbOptions::default()).expect("an input");
     let overrides = Overrides { resolution, ..Overrides::default() };
-    let mut settings = Settings::resolve(input, &overrides).expect("a sound job");
+    let settings = Settings::resolve(input, &overrides).expect("a sound job");
     let scene = settings.load().expect("a sound scene").scene;
     (scene, settings.render)
 }

@@ -22,11 +22,9 @@ mod world;
 
 pub use cost::PathCost;
 pub use counters::Counters;
-pub use error::Error;
+pub use error::{Error, Parameter, Remedy};
 pub use pilot::Pilot;
 pub use plan::{Plan, PlannedVolume};
 pub use render::{Monitor, Unmonitored, render, sample_pixel};
 pub use sampler::PathSampler;
-pub use settings::{
-    DEFAULT_MAX_EVENTS, Distance, LightSampling, RenderSettings, ShadowRoulette, Transmittance,
-};
+pub use settings::{DEFAULT_MAX_EVENTS, LightSampling, RenderSettings, ShadowRoulette};

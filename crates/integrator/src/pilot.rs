@@ -3,8 +3,8 @@
 //! The rays hold what no formula knows: how often light scatters where. On a flight the cost of any structure is an integral: the majorants' optical depth is the expected
 //! number of tentative collisions, the cells on the way are the steps. Shadow rays, whose roulette ends them, are walked once.
 
-use crate::Error;
 use crate::counters::Counters;
+use crate::error::{Error, Parameter, Remedy};
 use crate::interior::Inside;
 use crate::limits::PathLimits;
 use crate::media::{Collision, Flown, Leg, Media, MediaIndex, Overlapping, Ray, Shadow, Together};
@@ -190,9 +190,11 @@ impl Pilot {
             .iter()
             .map(|volume| volume.medium.with_majorants(structure, majorant_scale).map(Arc::new))
             .collect::<Result<_, _>>()
-            .map_err(|error| Error::Invalid {
-                what: format!("{}: {error}", structure.name()),
-                remedy: "take another structure".into(),
+            .map_err(|error| Error::Parameter {
+                parameter: Parameter::Majorants,
+                value: structure.name(),
+                why: error.to_string(),
+                remedies: vec![Remedy::Default(&[Parameter::Majorants])],
             })?;
         let index = Arc::new(MediaIndex::new(&media));
         Ok(self.cost_on(&PlannedMedia { media, index }))

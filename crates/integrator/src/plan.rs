@@ -1,20 +1,19 @@
 //! The plan: the simplest machinery that is exact for a scene, chosen once per render, and why.
 
-use crate::Error;
 use crate::cost::PathCost;
 use crate::counters::Counters;
+use crate::error::{Error, Parameter, Remedy};
 use crate::expected::Expected;
 use crate::lights::Lights;
 use crate::media::{MediaIndex, Methods};
 use crate::pilot::Pilot;
-use crate::settings::{Distance, RenderSettings, ShadowRoulette, Transmittance};
+use crate::settings::{RenderSettings, ShadowRoulette, by_name};
 use crate::thickness::typical_depth;
 use crate::warnings;
 use crate::world::luminance;
 use pileus_media::distance::DistanceSampler;
-use pileus_media::law::Law;
 use pileus_media::transmittance::Estimator;
-use pileus_media::{Albedo, MajorantStructure, Medium};
+use pileus_media::{Albedo, Expectation, MajorantStructure, Medium, Transmittances, Work};
 use pileus_scene::{Light, Scene, Surfaces};
 use serde::Serialize;
 use std::fmt;
@@ -100,9 +99,11 @@ pub struct Plan {
     /// Whether paths and shadow rays are weighted against each other.
     pub mis: bool,
     /// Free-flight sampler in use.
-    pub distance: Distance,
+    #[serde(serialize_with = "by_name")]
+    pub distance: DistanceSampler,
     /// Transmittance estimator in use.
-    pub transmittance: Transmittance,
+    #[serde(serialize_with = "by_name")]
+    pub transmittance: Estimator,
     /// Whether points seen by point-like lights at equal angles are sampled besides flights.
     #[serde(skip)]
     pub(crate) equiangular: bool,
@@ -164,17 +165,21 @@ impl Plan {
     /// construction.
     pub fn without_paths(scene: &Scene, settings: &RenderSettings) -> Result<Plan, Error> {
         if settings.max_events == Some(0) {
-            return Err(Error::Invalid {
-                what: "sampling.max_events is 0: no path could begin".into(),
-                remedy: "give at least 1, or null for no limit".into(),
+            return Err(Error::Parameter {
+                parameter: Parameter::MaxEvents,
+                value: "0".into(),
+                why: "no path could begin".into(),
+                remedies: vec![Remedy::Default(&[Parameter::MaxEvents])],
             });
         }
         if settings.max_bounces.is_none() {
             warnings::refuse_endless(scene)?;
         }
-        settings.filter.validate().map_err(|error| Error::Invalid {
-            what: error.to_string(),
-            remedy: "correct film.filter".into(),
+        settings.filter.validate().map_err(|error| Error::Parameter {
+            parameter: Parameter::Filter,
+            value: format!("{:?}", settings.filter),
+            why: error.to_string(),
+            remedies: vec![Remedy::Default(&[Parameter::Filter])],
         })?;
         let mut reasons = Vec::new();
         let volumes: Vec<PlannedVolume> =
@@ -274,7 +279,7 @@ impl Plan {
             );
         }
         let parts = kernel == KernelKind::SingleChromatic;
-        if settings.distance == Distance::Split && !parts {
+        if settings.distance == Some(DistanceSampler::Split) && !parts {
             reasons.push(
                 "channels part only in one grid whose extinction differs per channel, without surfaces and light from volumes, under ratio tracking"
                     .into(),
@@ -286,18 +291,25 @@ impl Plan {
         let exact = methods.transmittance == Estimator::Regular
             || methods.distance == DistanceSampler::Regular;
         if exact && by_grid {
-            return Err(Error::Invalid {
-                what: "`regular` integrates along rays exactly, which flakes by grid do not allow: their projected area is the root of what is interpolated"
+            let parameter = if methods.transmittance == Estimator::Regular {
+                Parameter::Transmittance
+            } else {
+                Parameter::Distance
+            };
+            return Err(Error::Parameter {
+                parameter,
+                value: "regular".into(),
+                why: "it integrates along rays exactly, which flakes by grid do not allow: their projected area is the root of what is interpolated"
                     .into(),
-                remedy: "leave sampling.transmittance and sampling.distance to the plan".into(),
+                remedies: vec![Remedy::Default(&[Parameter::Transmittance, Parameter::Distance])],
             });
         }
         if laws {
             check_laws(scene, settings, methods, &mut reasons)?;
             if by_grid {
-                return Err(Error::Invalid {
+                return Err(Error::Scene {
                     what: "flakes by grid beside a law that is not exponential: it would need exact depths through them".into(),
-                    remedy: "give the flakes as numbers, or remove the law".into(),
+                    remedies: vec![Remedy::Scene("give the flakes as numbers, or remove the law")],
                 });
             }
         }
@@ -312,17 +324,11 @@ impl Plan {
             ));
         }
         let mut biased = Vec::new();
-        if !methods.transmittance.is_unbiased() {
-            biased.push(format!(
-                "transmittance {}: shadows are too bright",
-                methods.transmittance.name()
-            ));
+        if let Expectation::Biased(how) = methods.transmittance.facts().expectation {
+            biased.push(format!("transmittance {}: {how}", methods.transmittance.name()));
         }
-        if !methods.distance.is_unbiased() {
-            biased.push(format!(
-                "distance {}: volumes are too transparent and too smooth",
-                methods.distance.name()
-            ));
+        if let Expectation::Biased(how) = methods.distance.facts().expectation {
+            biased.push(format!("distance {}: {how}", methods.distance.name()));
         }
         if let Some(n) = settings.max_bounces {
             biased.push(format!("max_bounces {n}: longer paths are cut"));
@@ -342,13 +348,13 @@ impl Plan {
             predicted: None,
             mis,
             distance: if equiangular {
-                Distance::Equiangular
+                DistanceSampler::Equiangular
             } else if parts {
-                Distance::Split
+                DistanceSampler::Split
             } else {
-                Distance::By(methods.distance)
+                methods.distance
             },
-            transmittance: Transmittance::By(methods.transmittance),
+            transmittance: methods.transmittance,
             equiangular,
             // Grey flights of these samplers have weight one.
             analog_flights: grey
@@ -439,8 +445,8 @@ impl Plan {
                 self.kernel,
                 KernelKind::SingleGrey | KernelKind::SingleChromatic | KernelKind::Overlapping
             );
-        let asked = settings.shadow_roulette == ShadowRoulette::Expected;
-        if !possible || settings.shadow_roulette == ShadowRoulette::Importance {
+        let asked = settings.shadow_roulette == Some(ShadowRoulette::Expected);
+        if !possible || settings.shadow_roulette == Some(ShadowRoulette::Importance) {
             if asked {
                 self.reasons.push(
                     "shadow rays are played roulette by importance: expectations are for media alone under distant lights"
@@ -500,10 +506,8 @@ fn is_wide(medium: &Medium) -> bool {
 
 /// Whether the settings allow channels to fly by delta tracking and to part: both walks by tentative collisions of bounds that hold.
 fn channels_may_part(settings: &RenderSettings) -> bool {
-    let flights =
-        matches!(settings.distance, Distance::Auto | Distance::Split | Distance::Equiangular);
-    let shadows =
-        matches!(settings.transmittance, Transmittance::Auto | Transmittance::By(Estimator::Ratio));
+    let flights = settings.distance.is_none_or(|sampler| !sampler.is_one_flight());
+    let shadows = matches!(settings.transmittance, None | Some(Estimator::Ratio));
     flights && shadows && settings.majorant_scale >= 1.0
 }
 
@@ -514,7 +518,7 @@ fn choose_equiangular(
     lights: &Lights,
     reasons: &mut Vec<String>,
 ) -> bool {
-    let asked = settings.distance == Distance::Equiangular;
+    let asked = settings.distance == Some(DistanceSampler::Equiangular);
     if lights.positions().next().is_none() || scene.volumes.is_empty() {
         if asked {
             reasons.push(
@@ -531,13 +535,13 @@ fn choose_equiangular(
         return false;
     }
     let depth = typical_depth(scene);
-    let chosen = asked || settings.distance == Distance::Auto && depth < THIN;
+    let chosen = asked || settings.distance.is_none() && depth < THIN;
     if chosen {
         reasons.push(format!(
             "points seen by point-like lights at equal angles, weighted against flights by a density that stands for theirs: the media have a mean \
              optical depth of {depth:.2}"
         ));
-    } else if settings.distance == Distance::Auto {
+    } else if settings.distance.is_none() {
         reasons.push(format!(
             "no equiangular points: the media have a mean optical depth of {depth:.2}, and they pay below {THIN}"
         ));
@@ -555,34 +559,37 @@ fn check_laws(
     methods: Methods,
     reasons: &mut Vec<String>,
 ) -> Result<(), Error> {
-    let refused = |key: &str, name: &str, volume: &str, law: &Law, remedy: &str| Error::Invalid {
-        what: format!(
-            "sampling.{key} is {name}, which assumes the exponential law, but volume `{volume}` follows another ({law})"
-        ),
-        remedy: format!("use {remedy}, or `auto`"),
-    };
     for volume in &scene.volumes {
         let Some(law) = volume.medium.law() else { continue };
         let (name, rates) = (&volume.name, law.is_mixture_of_exponentials());
         let by_rates = rates && matches!(*volume.medium, Medium::Grid(_));
-        let distance_holds = match settings.distance {
-            Distance::Auto => true,
-            Distance::Equiangular | Distance::Split => false,
-            Distance::By(DistanceSampler::Regular | DistanceSampler::Analytic) => true,
-            Distance::By(sampler) => rates && sampler.is_unbiased(),
+        let holds = |transmittances| match transmittances {
+            Transmittances::All => true,
+            Transmittances::Mixtures => rates,
+            Transmittances::Exponential => false,
         };
-        if !distance_holds {
-            return Err(refused("distance", settings.distance.name(), name, law, "`regular`"));
+        let refused = |parameter, method: &str, instead: &[&'static str]| Error::Parameter {
+            parameter,
+            value: method.to_owned(),
+            why: format!(
+                "it assumes the exponential law, but volume `{name}` follows another ({law})"
+            ),
+            remedies: instead
+                .iter()
+                .map(|method| Remedy::Set(parameter, method))
+                .chain([Remedy::Default(match parameter {
+                    Parameter::Distance => &[Parameter::Distance],
+                    _ => &[Parameter::Transmittance],
+                })])
+                .collect(),
+        };
+        if let Some(sampler) = settings.distance.filter(|s| !holds(s.facts().transmittances)) {
+            return Err(refused(Parameter::Distance, sampler.name(), &["regular"]));
         }
-        let transmittance_holds = match settings.transmittance {
-            Transmittance::Auto => true,
-            Transmittance::By(Estimator::Regular | Estimator::DebiasedRayMarching) => true,
-            Transmittance::By(estimator) => rates && estimator.is_unbiased(),
-        };
-        if !transmittance_holds {
-            let name_of = settings.transmittance.name();
-            let remedy = "`regular` or `debiased_ray_marching`";
-            return Err(refused("transmittance", name_of, name, law, remedy));
+        if let Some(estimator) = settings.transmittance.filter(|e| !holds(e.facts().transmittances))
+        {
+            let instead = ["regular", "debiased_ray_marching"];
+            return Err(refused(Parameter::Transmittance, estimator.name(), &instead));
         }
         let by_rate = by_rates && methods.distance != DistanceSampler::Regular;
         reasons.push(format!(
@@ -622,10 +629,14 @@ fn prepare(scene: &Scene, settings: &RenderSettings) -> Result<PlannedMedia, Err
                 return Ok(Arc::clone(&volume.medium));
             }
             volume.medium.with_majorants(structure, factor).map(Arc::new).map_err(|error| {
-                Error::Invalid {
-                    what: format!("volume `{}`: {error}", volume.name),
-                    remedy: "leave sampling.majorants and sampling.majorant_scale to the plan"
-                        .into(),
+                Error::Parameter {
+                    parameter: Parameter::MajorantScale,
+                    value: factor.to_string(),
+                    why: format!("volume `{}`: {error}", volume.name),
+                    remedies: vec![Remedy::Default(&[
+                        Parameter::Majorants,
+                        Parameter::MajorantScale,
+                    ])],
                 }
             })
         })
@@ -643,7 +654,7 @@ fn choose(
 ) -> Result<Methods, Error> {
     let bounded = settings.majorant_scale >= 1.0;
     let distance = match settings.distance {
-        Distance::By(sampler) => sampler,
+        Some(sampler) if sampler.is_one_flight() => sampler,
         _ if regular => DistanceSampler::Regular,
         _ if !bounded => DistanceSampler::WeightedDelta,
         _ if grey => DistanceSampler::Delta,
@@ -658,70 +669,79 @@ fn choose(
     if distance == DistanceSampler::Analytic
         && let Some(grid) = scene.volumes.iter().find(|v| matches!(*v.medium, Medium::Grid(_)))
     {
-        return Err(Error::Invalid {
-            what: format!(
-                "sampling.distance is analytic, but volume `{}` is a grid: closed forms need constant extinction",
+        return Err(Error::Parameter {
+            parameter: Parameter::Distance,
+            value: "analytic".into(),
+            why: format!(
+                "volume `{}` is a grid, and closed forms need constant extinction; `regular` inverts the depth of a grid exactly",
                 grid.name
             ),
-            remedy: "use `regular`, which inverts the depth of a grid exactly, or `auto`".into(),
+            remedies: vec![
+                Remedy::Set(Parameter::Distance, "regular"),
+                Remedy::Default(&[Parameter::Distance]),
+            ],
         });
     }
-    if !bounded && !distance.is_unbiased_without_bounds() && distance.is_unbiased() {
-        return Err(Error::Invalid {
-            what: format!(
-                "sampling.distance is {}, which needs bounds that hold, but sampling.majorant_scale is {}",
-                distance.name(),
-                settings.majorant_scale
-            ),
-            remedy: "use `weighted_delta` or `regular`, or a scale of at least 1".into(),
-        });
+    let unbounded = |parameter, method: &str, instead: &[&'static str]| Error::Parameter {
+        parameter,
+        value: method.to_owned(),
+        why: format!(
+            "it needs bounds that hold, but {} is {}",
+            Parameter::MajorantScale,
+            settings.majorant_scale
+        ),
+        remedies: instead
+            .iter()
+            .map(|method| Remedy::Set(parameter, method))
+            .chain([Remedy::Default(&[Parameter::MajorantScale])])
+            .collect(),
+    };
+    if !bounded && distance.facts().needs_bounds {
+        let instead = ["weighted_delta", "regular"];
+        return Err(unbounded(Parameter::Distance, distance.name(), &instead));
     }
     let transmittance = match settings.transmittance {
-        Transmittance::Auto if regular => Estimator::Regular,
-        Transmittance::Auto => {
+        None if regular => Estimator::Regular,
+        None => {
             reasons.push(
                 "transmittance by ratio tracking: of all estimators the least error x time in whole images, within the noise of timing"
                     .into(),
             );
             Estimator::Ratio
         }
-        Transmittance::By(estimator) => estimator,
+        Some(estimator) => estimator,
     };
-    if !bounded && matches!(transmittance, Estimator::Delta | Estimator::ResidualRatio) {
-        return Err(Error::Invalid {
-            what: format!(
-                "sampling.transmittance is {}, which needs bounds that hold, but sampling.majorant_scale is {}",
-                transmittance.name(),
-                settings.majorant_scale
-            ),
-            remedy: "use another estimator, or a scale of at least 1".into(),
-        });
+    if !bounded && transmittance.facts().needs_bounds {
+        return Err(unbounded(Parameter::Transmittance, transmittance.name(), &["ratio"]));
     }
     if let Some((depth, name)) = densest(scene, settings).filter(|(depth, _)| *depth > DENSE) {
         reasons.push(format!(
             "volume `{name}` has an optical depth of up to {depth:.1e} per voxel, which tentative collisions would be looked up for one by one: methods that are \
              left to the plan are exact, voxel by voxel"
         ));
-        let tracks = !matches!(
-            distance,
-            DistanceSampler::Regular | DistanceSampler::Analytic | DistanceSampler::RayMarching
-        );
-        let estimates = !matches!(
-            transmittance,
-            Estimator::Regular | Estimator::RayMarching | Estimator::DebiasedRayMarching
-        );
-        if depth > TOO_DENSE && (tracks || estimates) {
-            let (key, method) = if tracks {
-                ("distance", distance.name())
-            } else {
-                ("transmittance", transmittance.name())
-            };
-            return Err(Error::Invalid {
-                what: format!(
-                    "volume `{name}` has an optical depth of up to {depth:.1e} per voxel, where sampling.{key} {method} would not come to an end"
+        let endless = |work| depth > TOO_DENSE && work == Work::MajorantDepth;
+        let method = if endless(distance.facts().work) {
+            Some((Parameter::Distance, distance.name()))
+        } else if endless(transmittance.facts().work) {
+            Some((Parameter::Transmittance, transmittance.name()))
+        } else {
+            None
+        };
+        if let Some((parameter, method)) = method {
+            return Err(Error::Parameter {
+                parameter,
+                value: method.to_owned(),
+                why: format!(
+                    "it would not come to an end in volume `{name}`, which has an optical depth of up to {depth:.1e} per voxel"
                 ),
-                remedy: "use `regular` or `auto`, or lower the density scale (flakes by grid cannot be so dense)"
-                    .into(),
+                remedies: vec![
+                    Remedy::Set(parameter, "regular"),
+                    Remedy::Default(match parameter {
+                        Parameter::Distance => &[Parameter::Distance],
+                        _ => &[Parameter::Transmittance],
+                    }),
+                    Remedy::Scene("lower the volume's density (flakes by grid cannot be so dense)"),
+                ],
             });
         }
     }

@@ -85,13 +85,12 @@ pub fn render(
     monitor: &dyn Monitor,
 ) -> Result<Counters, Error> {
     if scene.camera.resolution() != film.resolution() {
-        return Err(Error::Invalid {
+        return Err(Error::Film {
             what: format!(
-                "the camera was made for {:?} pixels, the film has {:?}",
+                "the camera was made for {:?} pixels, the film has {:?}: make both from one resolution",
                 scene.camera.resolution(),
                 film.resolution()
             ),
-            remedy: "make both from one resolution".into(),
         });
     }
     let watch = Watch { monitor, stopped: AtomicBool::new(false) };

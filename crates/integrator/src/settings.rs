@@ -1,68 +1,17 @@
 //! How a scene is to be sampled.
 
 use pileus_film::Filter;
-use pileus_media::MajorantStructure;
 use pileus_media::distance::DistanceSampler;
 use pileus_media::transmittance::Estimator;
+use pileus_media::{Expectation, MajorantStructure, Named};
 use std::ops::Range;
 
-/// How transmittance is estimated.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Transmittance {
-    /// What the plan finds best for the scene.
-    #[default]
-    Auto,
-    /// By this estimator.
-    By(Estimator),
-}
-
-impl Transmittance {
-    /// The name that jobs use.
-    pub fn name(self) -> &'static str {
-        match self {
-            Transmittance::Auto => "auto",
-            Transmittance::By(estimator) => estimator.name(),
-        }
-    }
-}
-
-impl serde::Serialize for Transmittance {
-    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.serialize_str(self.name())
-    }
-}
-
-/// How distances are sampled.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Distance {
-    /// What the plan finds best for the scene.
-    #[default]
-    Auto,
-    /// By this sampler of free flights.
-    By(DistanceSampler),
-    /// One grid of extinction per channel: channels fly together until their events differ, each by delta tracking. The plan's flights where that
-    /// does not apply.
-    Split,
-    /// The plan's flights, and points seen by point-like lights at equal angles; weighted against each other.
-    Equiangular,
-}
-
-impl Distance {
-    /// The name that jobs use.
-    pub fn name(self) -> &'static str {
-        match self {
-            Distance::Auto => "auto",
-            Distance::By(sampler) => sampler.name(),
-            Distance::Split => "split",
-            Distance::Equiangular => "equiangular",
-        }
-    }
-}
-
-impl serde::Serialize for Distance {
-    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.serialize_str(self.name())
-    }
+/// Serialises a method as its name.
+pub(crate) fn by_name<T: Named, S: serde::Serializer>(
+    method: &T,
+    serializer: S,
+) -> Result<S::Ok, S::Error> {
+    serializer.serialize_str(method.name())
 }
 
 /// Which techniques find light that both shadow rays and paths can meet.
@@ -76,17 +25,46 @@ pub enum LightSampling {
     Paths,
 }
 
-/// What decides whether a shadow ray is sent from a point in a medium. The expectation of the picture does not depend on it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
-#[serde(rename_all = "snake_case")]
+/// What decides whether a shadow ray is sent from a point in a medium. The expectation of the
+/// picture does not depend on it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ShadowRoulette {
-    /// What the plan finds better for the scene.
-    #[default]
-    Auto,
-    /// The lights' importance and the throughput.
+    /// What the lights may contribute unshadowed, times the path's throughput.
     Importance,
-    /// These, times the transmittance that a pilot found around the point, over the radiance that the path was expected to bring.
+    /// That, times the transmittance that a prepass found around the point, over the radiance that
+    /// the path was expected to bring.
     Expected,
+}
+
+impl Named for ShadowRoulette {
+    const ALL: &'static [ShadowRoulette] = &[ShadowRoulette::Importance, ShadowRoulette::Expected];
+    const TITLE: &'static str = "ShadowRoulette";
+    const QUESTION: &'static str =
+        "What decides whether a shadow ray is sent from a point in a volume";
+
+    fn name(self) -> &'static str {
+        match self {
+            ShadowRoulette::Importance => "importance",
+            ShadowRoulette::Expected => "expected",
+        }
+    }
+
+    fn expectation(self) -> Option<Expectation> {
+        Some(Expectation::Unbiased)
+    }
+
+    fn about(self) -> &'static str {
+        match self {
+            ShadowRoulette::Importance => {
+                "What the lights may contribute unshadowed, times the path's throughput."
+            }
+            ShadowRoulette::Expected => {
+                "The same, times the transmittance that a pilot of 4096 paths found around the \
+                 point, over the radiance that the path was expected to bring; without surfaces, \
+                 point lights and light from volumes."
+            }
+        }
+    }
 }
 
 /// The value of [`RenderSettings::max_events`] where nobody says otherwise: some tenths of a second
@@ -110,10 +88,10 @@ pub struct RenderSettings {
     pub max_events: Option<u64>,
     /// Pixel filter, by importance sampling.
     pub filter: Filter,
-    /// How transmittance is estimated.
-    pub transmittance: Transmittance,
-    /// How distances are sampled.
-    pub distance: Distance,
+    /// How transmittance is estimated; `None`: as the plan finds best for the scene.
+    pub transmittance: Option<Estimator>,
+    /// How distances are sampled; `None`: as the plan finds best for the scene.
+    pub distance: Option<DistanceSampler>,
     /// How grids are parted for their majorants.
     pub majorants: MajorantStructure,
     /// Factor on the majorants of grids: 1 unless an experiment wants them looser (above) or broken (below).
@@ -124,8 +102,9 @@ pub struct RenderSettings {
     /// Of debiased ray marching under laws that are not exponential: level `j` has a probability in proportion to 2 to the power of minus `j` times this. Above 1, else the
     /// work is infinite; where it is too large the variance is.
     pub level_exponent: f64,
-    /// How shadow rays in media are played roulette.
-    pub shadow_roulette: ShadowRoulette,
+    /// What decides whether a shadow ray is sent from a point in a medium; `None`: what the plan
+    /// finds better for the scene.
+    pub shadow_roulette: Option<ShadowRoulette>,
     /// Which techniques find light that both can meet.
     pub light_sampling: LightSampling,
     /// Largest luminance of a single sample: brighter ones are scaled down to it. **Biased**: light that few paths find is lost. `None`: no limit.
@@ -142,13 +121,13 @@ impl Default for RenderSettings {
             max_bounces: None,
             max_events: Some(DEFAULT_MAX_EVENTS),
             filter: Filter::default(),
-            transmittance: Transmittance::Auto,
-            distance: Distance::Auto,
+            transmittance: None,
+            distance: None,
             majorants: MajorantStructure::default(),
             majorant_scale: 1.0,
             shared_kernel: false,
             level_exponent: 1.5,
-            shadow_roulette: ShadowRoulette::Auto,
+            shadow_roulette: None,
             light_sampling: LightSampling::Both,
             clamp: None,
             tile_size: 16,

@@ -3,6 +3,7 @@
 
 mod assemble;
 pub mod bsdf;
+pub mod by_name;
 pub mod camera;
 mod emission;
 pub mod environment;
@@ -26,6 +27,7 @@ mod image_guard;
 pub mod json;
 mod law;
 pub mod light;
+pub mod option;
 mod phase;
 pub mod phase_spec;
 mod radiance_hdr;
@@ -40,6 +42,7 @@ pub mod whole;
 
 pub use assemble::{CameraRequest, Loaded, Scene, SceneRequest};
 pub use bsdf::{Bsdf, BsdfSample};
+pub use by_name::ByName;
 pub use camera::Camera;
 pub use environment::{EnvSample, Environment, EnvironmentImage};
 pub use error::{Error, Place};

@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::fmt;
 
 use crate::flake_spec::{FlakeScatteringSpec, FlakeSpec};
-use crate::volume_rules as rules;
+use crate::{options, volume_rules as rules};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::{self, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -80,15 +80,14 @@ pub enum PhaseSpec {
     },
 }
 
-/// A lobe of a mixture.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct LobeSpec {
-    /// Relative to the other weights; at least 0.
-    #[schemars(transform = rules::factor)]
-    pub weight: f64,
-    /// The lobe.
-    pub phase: PhaseSpec,
+options! {
+    /// A lobe of a mixture.
+    pub struct LobeSpec {
+        /// Relative to the other weights; at least 0.
+        required weight: f64, rules::factor;
+        /// The lobe.
+        required phase: PhaseSpec;
+    }
 }
 
 /// A mean cosine.
@@ -100,22 +99,16 @@ pub enum CosineSpec {
     Grid(CosineGridSpec),
 }
 
-/// A mean cosine by a grid of the same file: `scale * value + offset`, clamped to -0.999 and 0.999.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct CosineGridSpec {
-    /// Name of a grid of numbers.
-    pub grid: String,
-    /// Factor.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("default" = 1))]
-    #[schemars(transform = rules::offset)]
-    pub scale: Option<f64>,
-    /// The mean cosine where the grid is 0.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("default" = 0))]
-    #[schemars(transform = rules::offset)]
-    pub offset: Option<f64>,
+options! {
+    /// A mean cosine by a grid of the same file: `scale * value + offset`, clamped to -0.999 and 0.999.
+    pub struct CosineGridSpec {
+        /// Name of a grid of numbers.
+        required grid: String;
+        /// Factor.
+        scale: f64 = 1.0, rules::offset;
+        /// The mean cosine where the grid is 0.
+        offset: f64 = 0.0, rules::offset;
+    }
 }
 
 impl PhaseSpec {

@@ -13,6 +13,7 @@ use pileus_media::{
 };
 use pileus_vdb::{GridClass, GridInfo, MetaValue, Tree, ValueType, Values, VdbFile};
 
+use crate::by_name::ByName;
 use crate::camera::corners;
 use crate::emission::EmissionParts;
 use crate::error::{Error, Place};
@@ -21,8 +22,8 @@ use crate::law::law;
 use crate::phase_spec::{CosineSpec, PhaseSpec};
 use crate::uri::with_frame;
 use crate::volume_spec::{
-    AlbedoSpec, DEFAULT_ALBEDO, DensitySpec, EmissionSpec, HomogeneousSpec, InterpolationSpec,
-    RampNodeSpec, Rgb, TransformSpec, UpAxis, VolumeSpec,
+    AlbedoSpec, DEFAULT_ALBEDO, DensitySpec, EmissionSpec, HomogeneousSpec, RampNodeSpec, Rgb,
+    TransformSpec, UpAxis, VolumeSpec,
 };
 
 /// A volume of the scene: a medium in world space and where it came from.
@@ -139,17 +140,7 @@ impl VolumeLoader {
         placement: DAffine3,
     ) -> Result<Volume, Error> {
         let (spec, place) = (request.spec, request.place);
-        let interpolation = match spec.interpolation {
-            None | Some(InterpolationSpec::Trilinear) => Interpolation::Trilinear,
-            Some(InterpolationSpec::Nearest) => Interpolation::Nearest,
-            Some(InterpolationSpec::Tricubic) => {
-                return Err(Error::unsupported(
-                    place("/interpolation"),
-                    "interpolation `tricubic` is not rendered by this version",
-                    "use \"trilinear\" or \"nearest\"",
-                ));
-            }
-        };
+        let ByName(interpolation) = spec.interpolation();
         let path = PathBuf::from(with_frame(vdb, spec.frame, &place("/vdb"))?);
         if let Some(frame) = spec.frame
             && path == Path::new(vdb)
@@ -841,7 +832,7 @@ fn placement(
     to_world: &DAffine3,
     place: &dyn Fn(&str) -> Place,
 ) -> Result<DAffine3, Error> {
-    let up = match spec.up_axis.unwrap_or_default() {
+    let up = match spec.up_axis().0 {
         UpAxis::Y => DAffine3::IDENTITY,
         // (x, y, z) to (x, z, -y)
         UpAxis::Z => DAffine3::from_mat3(DMat3::from_cols(DVec3::X, DVec3::NEG_Z, DVec3::Y)),

@@ -4,6 +4,7 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use pileus_film::write_atomically;
+use pileus_integrator::Plan;
 use pileus_lab::ProfileCase;
 use pileus_lab::chart::Chart;
 use pileus_lab::experiment::{
@@ -189,7 +190,7 @@ fn transmittance(options: &ChartTransmittanceOptions, report: &Report) -> Result
             up_axis: None,
             camera: None,
         };
-        let prepared = prepare(&input, &Overrides::default())?;
+        let prepared = prepare(Plan::without_paths, &input, &Overrides::default())?;
         let grids: Vec<_> = prepared
             .loaded
             .scene
@@ -247,7 +248,7 @@ fn render(options: &ChartRenderOptions, report: &Report) -> Result<(), Failure> 
     for job in &options.jobs {
         let input = InputOptions::of(job.clone());
         let overrides = Overrides { resolution: options.resolution, ..Overrides::default() };
-        let prepared = prepare(&input, &overrides)?;
+        let prepared = prepare(Plan::without_paths, &input, &overrides)?;
         let name = stem(job);
         let experiment = RenderExperiment {
             scene: &prepared.loaded.scene,
@@ -271,7 +272,7 @@ fn majorants(options: &ChartMajorantsOptions, report: &Report) -> Result<(), Fai
     for job in &options.jobs {
         let input = InputOptions::of(job.clone());
         let overrides = Overrides { resolution: options.resolution, ..Overrides::default() };
-        let prepared = prepare(&input, &overrides)?;
+        let prepared = prepare(Plan::without_paths, &input, &overrides)?;
         let (scene, settings) = (&prepared.loaded.scene, &prepared.settings.render);
         let chart = chart_majorants(&stem(job), scene, settings, options.seconds)?;
         write(&chart, &options.output, report)?;

@@ -1,7 +1,9 @@
 //! One file per command.
 
+#[cfg(feature = "lab")]
 pub(crate) mod chart;
 pub(crate) mod check;
+#[cfg(feature = "lab")]
 pub(crate) mod compare;
 pub(crate) mod info;
 pub(crate) mod plan;
@@ -17,6 +19,7 @@ use crate::failure::Failure;
 use crate::input::Input;
 use crate::outputs;
 use crate::settings::{Overrides, Settings};
+use crate::words;
 
 /// A scene, ready to render.
 pub(crate) struct Prepared {
@@ -27,11 +30,15 @@ pub(crate) struct Prepared {
 
 /// Resolves and loads what a command was given, plans it, and logs what was chosen, left out or is
 /// probably not meant.
-pub(crate) fn prepare(input: &InputOptions, overrides: &Overrides) -> Result<Prepared, Failure> {
-    load(resolve(input, overrides)?, Plan::new)
+pub(crate) fn prepare(
+    planned: Planned,
+    input: &InputOptions,
+    overrides: &Overrides,
+) -> Result<Prepared, Failure> {
+    load(resolve(input, overrides)?, planned)
 }
 
-/// Makes the plan of a scene: [`Plan::new`], or [`Plan::without_paths`] for what has to be quick.
+/// Makes the plan of a scene: [`Plan::without_paths`], or [`Plan::new`] for renders and predictions.
 pub(crate) type Planned = fn(&Scene, &RenderSettings) -> Result<Plan, pileus_integrator::Error>;
 
 /// As [`prepare`], for commands whose outputs must be writable and overwrite nothing: what can be
@@ -59,7 +66,7 @@ fn resolve(input: &InputOptions, overrides: &Overrides) -> Result<Settings, Fail
     Settings::resolve(Input::open(&input.input, &input.vdb_options())?, &overrides)
 }
 
-fn load(mut settings: Settings, planned: Planned) -> Result<Prepared, Failure> {
+fn load(settings: Settings, planned: Planned) -> Result<Prepared, Failure> {
     let loaded = settings.load()?;
     for note in &loaded.notes {
         tracing::info!("{note}");
@@ -84,7 +91,8 @@ fn load(mut settings: Settings, planned: Planned) -> Result<Prepared, Failure> {
             );
         }
     }
-    let plan = planned(&loaded.scene, &settings.render)?;
+    let plan = planned(&loaded.scene, &settings.render)
+        .map_err(|error| words::of_job(&settings, error))?;
     // What the plan adds to what the files say.
     for item in plan.not_modelled.iter().skip(loaded.scene.not_modelled.len()) {
         tracing::warn!("not modelled: {item}");

@@ -1,13 +1,16 @@
 //! `pileus plan`.
 
+use pileus_integrator::Plan;
+
 use crate::cli::PlanOptions;
-use crate::command::{Prepared, prepare};
+use crate::command::{Planned, Prepared, prepare};
 use crate::failure::Failure;
 use crate::report::Report;
 use crate::settings::Overrides;
 
 pub(crate) fn run(options: &PlanOptions, report: &Report) -> Result<(), Failure> {
-    let Prepared { plan, .. } = prepare(&options.input, &Overrides::default())?;
+    let planned: Planned = if options.predict { Plan::new } else { Plan::without_paths };
+    let Prepared { plan, .. } = prepare(planned, &options.input, &Overrides::default())?;
     if options.json {
         report.json(&plan);
     } else {

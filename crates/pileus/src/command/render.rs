@@ -14,6 +14,8 @@ use crate::failure::Failure;
 use crate::machine::Signals;
 use crate::record::{PlanAndCost, Seconds, Stats, VERSION, metadata};
 use crate::report::{Progress, Report};
+use crate::settings::job_hash;
+use crate::words;
 
 struct Watch<'a> {
     signals: &'a Signals,
@@ -37,7 +39,7 @@ pub(crate) fn run(options: &RenderOptions, report: &Report) -> Result<(), Failur
         prepare_to_write(Plan::new, &options.input, &options.overrides())?;
     let scene = &loaded.scene;
     if let Some(path) = &options.save_job {
-        write_json(path, &settings.saved_job())?;
+        write_json(path, &settings.saved_job(scene))?;
         tracing::info!("{}: the job, to go on from", path.display());
     }
     tracing::debug!("plan:\n{plan}");
@@ -55,7 +57,7 @@ pub(crate) fn run(options: &RenderOptions, report: &Report) -> Result<(), Failur
     let counters = pileus_integrator::render(scene, &plan, &settings.render, &mut film, &watch);
     seconds.render = sampling.elapsed().as_secs_f64();
     progress.finish();
-    let counters = counters?;
+    let counters = counters.map_err(|error| words::of_job(&settings, error))?;
     if film.samples() == 0 {
         return Err(Failure::Interrupted {
             what: "stopped before every pixel had a sample: nothing was written".into(),
@@ -81,7 +83,8 @@ pub(crate) fn run(options: &RenderOptions, report: &Report) -> Result<(), Failur
     }
 
     let writing = Instant::now();
-    let job_hash = settings.job_hash();
+    let job = settings.recorded_job(scene);
+    let job_hash = job_hash(&job);
     let mut image = film.image();
     let variance = film.variance();
     let beyond = variance.channels().iter().flat_map(|c| &c.samples).filter(|v| **v == f32::MAX);
@@ -93,7 +96,7 @@ pub(crate) fn run(options: &RenderOptions, report: &Report) -> Result<(), Failur
     let exr = ExrSettings {
         half: settings.outputs.half,
         parallel: rayon::current_num_threads() > 1,
-        metadata: metadata(&settings, &plan, &counters, film.samples(), &job_hash),
+        metadata: metadata(&settings, (&job, &job_hash), &plan, &counters, film.samples()),
         ..ExrSettings::default()
     };
     let outputs = &settings.outputs;
