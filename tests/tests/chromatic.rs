@@ -175,8 +175,5 @@ fn the_plan_says_where_channels_do_not_part() {
         assert_eq!(said, settings.distance == Some(DistanceSampler::Split));
     }
     let plan = Plan::new(&one, &split).expect("a plan");
-    assert_eq!(
-        (plan.kernel_name(), plan.distance),
-        ("single_chromatic", DistanceSampler::Split)
-    );
+    assert_eq!((plan.kernel_name(), plan.distance), ("single_chromatic", DistanceSampler::Split));
 }

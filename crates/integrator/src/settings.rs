@@ -21,7 +21,8 @@ pub enum LightSampling {
     /// Shadow rays and paths, weighted by the balance heuristic; fires draw paths to themselves.
     #[default]
     Both,
-    /// Paths alone, drawn to nothing: for comparisons. Delta lights, which no path can meet, are still sent shadow rays.
+    /// Paths alone, drawn to nothing: for comparisons. Delta lights, which no path can meet, are
+    /// still sent shadow rays.
     Paths,
 }
 
@@ -59,7 +60,7 @@ impl Named for ShadowRoulette {
                 "What the lights may contribute unshadowed, times the path's throughput."
             }
             ShadowRoulette::Expected => {
-                "The same, times the transmittance that a pilot of 4096 paths found around the \
+                "That importance, times the transmittance that a pilot of 4096 paths found around the \
                  point, over the radiance that the path was expected to bring; without surfaces, \
                  point lights and light from volumes."
             }
@@ -71,7 +72,8 @@ impl Named for ShadowRoulette {
 /// for one path.
 pub const DEFAULT_MAX_EVENTS: u64 = 1 << 20;
 
-/// How a scene is to be sampled. The value of a sample depends on these (but for the range), the scene, the pixel and the sample's number.
+/// How a scene is to be sampled. The value of a sample depends on these (but for the range), the
+/// scene, the pixel and the sample's number.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RenderSettings {
     /// Numbers of the samples per pixel to render.
@@ -94,20 +96,23 @@ pub struct RenderSettings {
     pub distance: Option<DistanceSampler>,
     /// How grids are parted for their majorants.
     pub majorants: MajorantStructure,
-    /// Factor on the majorants of grids: 1 unless an experiment wants them looser (above) or broken (below).
+    /// Factor on the majorants of grids: 1 unless an experiment wants them looser (above) or broken
+    /// (below).
     pub majorant_scale: f32,
-    /// Whether the default majorants run in the kernel that all structures share, which branches per step, instead of their own: to compare
-    /// structures by equal means.
+    /// Whether the default majorants run in the kernel that all structures share, which branches
+    /// per step, instead of their own: to compare structures by equal means.
     pub shared_kernel: bool,
-    /// Of debiased ray marching under laws that are not exponential: level `j` has a probability in proportion to 2 to the power of minus `j` times this. Above 1, else the
-    /// work is infinite; where it is too large the variance is.
+    /// Of debiased ray marching under laws that are not exponential: level `j` has a probability in
+    /// proportion to 2 to the power of minus `j` times this. Above 1, else the work is infinite;
+    /// where it is too large the variance is.
     pub level_exponent: f64,
     /// What decides whether a shadow ray is sent from a point in a medium; `None`: what the plan
     /// finds better for the scene.
     pub shadow_roulette: Option<ShadowRoulette>,
     /// Which techniques find light that both can meet.
     pub light_sampling: LightSampling,
-    /// Largest luminance of a single sample: brighter ones are scaled down to it. **Biased**: light that few paths find is lost. `None`: no limit.
+    /// Largest luminance of a single sample: brighter ones are scaled down to it. **Biased**: light
+    /// that few paths find is lost. `None`: no limit.
     pub clamp: Option<f32>,
     /// Edge of the tiles that threads take, pixels. No influence on the image.
     pub tile_size: u32,

@@ -124,7 +124,8 @@ Writes majorants-NAME.csv, .html, and the plots as .svg and .png.")]
     #[command(after_long_help = "\
 Writes stability.md, stability.csv, stability.html and plots. The outcome is the same on every machine.")]
     Stability(ChartStabilityOptions),
-    /// Debiased transmittance under laws that are not exponential: variance and cost by how its levels are chosen.
+    /// Debiased transmittance under laws that are not exponential: variance and cost by how its
+    /// levels are chosen.
     #[command(after_long_help = "\
 Writes laws.csv, laws.html and plots. The figures are the same on every machine.")]
     Laws(ChartLawsOptions),
@@ -142,7 +143,8 @@ pub struct ChartTransmittanceOptions {
     /// OpenVDB only: the grid of the density, `name` or `name[i]`.
     #[arg(long, value_name = "NAME")]
     pub grid: Option<String>,
-    /// OpenVDB only: extinction per scene unit where the grid is 1; chosen so that it looks like a cloud if not given.
+    /// OpenVDB only: extinction per scene unit where the grid is 1; chosen so that it looks like a
+    /// cloud if not given.
     #[arg(long, value_name = "S", value_parser = parse_scale)]
     pub density_scale: Option<f64>,
     /// Rays per class.

@@ -22,7 +22,8 @@ pub struct Fault {
     pub remedy: String,
     /// Whether the value is legal, but not rendered by this version.
     pub later: bool,
-    /// Whether it is one item of a list that is too much: the place that a rule about the list means.
+    /// Whether it is one item of a list that is too much: the place that a rule about the list
+    /// means.
     surplus: bool,
 }
 

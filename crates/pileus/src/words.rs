@@ -1,7 +1,7 @@
 //! Errors of the renderer in the words of jobs: its parameters are keys here.
 
 use pileus_integrator::{Error, Parameter, Remedy};
-use pileus_scene::Error as SceneError;
+use pileus_scene::{Error as SceneError, Hint};
 
 use crate::failure::Failure;
 use crate::settings::Settings;
@@ -37,6 +37,23 @@ fn remedy(remedy: &Remedy) -> String {
         }
         Remedy::Scene(change) => (*change).to_owned(),
         other => other.to_string(),
+    }
+}
+
+/// How a choice that was made while loading is made otherwise.
+pub(crate) fn hint(hint: Hint) -> &'static str {
+    match hint {
+        Hint::OtherGrid => {
+            "another grid is taken by `--grid NAME`, or by `density` of the volume in a job"
+        }
+        Hint::ZIsUp => {
+            "z is up by `--up-axis z`, by `up_axis` of the volume in a job, or by the custom \
+             property `pileus_up_axis`"
+        }
+        Hint::OtherCamera => {
+            "another camera is taken by `--camera NAME`, or by `node` of the job's `camera`"
+        }
+        _ => "the job can say otherwise",
     }
 }
 

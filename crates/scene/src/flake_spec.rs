@@ -22,16 +22,19 @@ pub enum FlakeScatteringSpec {
 pub enum FlakeShapeSpec {
     /// In all directions alike. Takes no other keys.
     Isotropic,
-    /// Around a fibre: normals across an axis. Takes `axis` or `axis_grid`, `roughness` or `roughness_grid`.
+    /// Around a fibre: normals across an axis. Takes `axis` or `axis_grid`, `roughness` or
+    /// `roughness_grid`.
     Fibre,
     /// Of a surface: normals along an axis. Takes the same keys.
     Surface,
-    /// Any symmetric matrix S: the area shown to a unit direction w is the root of `w' S w`. Takes `diagonal` and `off_diagonal`, or a grid for both.
+    /// Any symmetric matrix S: the area shown to a unit direction w is the root of `w' S w`. Takes
+    /// `diagonal` and `off_diagonal`, or a grid for both.
     Matrix,
 }
 
 options! {
-    /// How the normals of flakes are distributed. Axes are those of the volume before its transform, and turn with it.
+    /// How the normals of flakes are distributed. Axes are those of the volume before its
+    /// transform, and turn with it.
     #[schemars(extend("allOf" = rules::flakes()))]
     pub struct FlakeSpec {
         /// Kind of distribution.
@@ -42,7 +45,8 @@ options! {
         axis: [f64; 3];
         /// Grid of vectors with the axis; where it is 0, flakes are isotropic.
         axis_grid: String;
-        /// Area shown along a fibre or across a surface's normal, relative to the largest, 0.001 to 1.
+        /// Area shown along a fibre or across a surface's normal, relative to the largest, 0.001 to
+        /// 1.
         #[schemars(extend("examples" = [0.1]))]
         roughness: f64, between(f64::from(pileus_media::flakes::MIN_ROUGHNESS), 1);
         /// Grid of numbers with the roughness; needs `axis_grid`.

@@ -64,7 +64,8 @@ pub(crate) fn flat_phase_keys() -> impl Iterator<Item = (&'static str, &'static 
     MEANINGS.into_iter()
 }
 
-/// The phase function that flat keys describe: of the type that `pileus_phase` names, or of the first type that has one of the keys given.
+/// The phase function that flat keys describe: of the type that `pileus_phase` names, or of the
+/// first type that has one of the keys given.
 pub(crate) fn flat_phase(flat: &Flat<'_>, base: &Path) -> Result<Option<PhaseSpec>, Error> {
     let names = || TYPES.iter().map(|(name, _)| *name);
     let (name, keys) = match flat.text("pileus_phase")? {

@@ -535,7 +535,7 @@ fn find_key(text: &str, below: &[String], name: &str) -> Option<Vec<String>> {
     search(text, below, |key, _| key == name)
 }
 
-/// Likewise for "invalid type: string "abc", expected ...": the scalar that reads so.
+/// The path of the scalar that a message speaks of: for "invalid type: string "abc", expected ..." the one that reads so.
 fn find_unexpected(text: &str, below: &[String], message: &str) -> Option<Vec<String>> {
     let unexpected =
         message.strip_prefix("invalid type: ").or(message.strip_prefix("invalid value: "))?;

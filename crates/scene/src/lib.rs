@@ -23,6 +23,7 @@ mod gltf_phase;
 mod gltf_pose;
 mod gltf_texture;
 mod gltf_volume;
+mod hint;
 mod image_guard;
 pub mod json;
 mod law;
@@ -46,6 +47,7 @@ pub use by_name::ByName;
 pub use camera::Camera;
 pub use environment::{EnvSample, Environment, EnvironmentImage};
 pub use error::{Error, Place};
+pub use hint::Hint;
 pub use light::{Light, Point, Spot, Sun};
 pub use sky::{ClearSky, SkyFault, default_sky};
 pub use surface::{

@@ -18,6 +18,7 @@ use crate::camera::corners;
 use crate::emission::EmissionParts;
 use crate::error::{Error, Place};
 use crate::flakes::FlakeGrids;
+use crate::hint::Hint;
 use crate::law::law;
 use crate::phase_spec::{CosineSpec, PhaseSpec};
 use crate::uri::with_frame;
@@ -96,6 +97,8 @@ pub struct VolumeLoader {
     albedos: HashMap<(PathBuf, usize, String), Arc<ColorGrid>>,
     /// What was chosen without being asked for, as sentences for people.
     pub notes: Vec<String>,
+    /// Which of these choices can be made otherwise.
+    pub hints: Vec<Hint>,
     /// Seconds spent in reading files so far.
     pub seconds_load: f64,
     /// Seconds spent in building render grids so far.
@@ -260,14 +263,20 @@ impl VolumeLoader {
             })
             .collect();
         self.note(format!(
-            "{}: {} grids are named `{}`, of which `{}` is taken: {} (`--grid` or `density` of the \
-             volume takes another)",
+            "{}: {} grids are named `{}`, of which `{}` is taken: {}",
             path.display(),
             alike.len(),
             taken.name,
             taken.full_name(),
             described.join(", ")
         ));
+        self.hint(Hint::OtherGrid);
+    }
+
+    fn hint(&mut self, hint: Hint) {
+        if !self.hints.contains(&hint) {
+            self.hints.push(hint);
+        }
     }
 
     /// Hints at files in which z is up, as in Blender: their plumes lie on their side.
@@ -293,11 +302,11 @@ impl VolumeLoader {
         if tall && lies {
             self.note(format!(
                 "volume `{}`: the box of `{}` is tallest along z ({x:.3} x {y:.3} x {z:.3}); if it lies \
-                 on its side, z is up in the file: `--up-axis z`, `up_axis` of the volume, or the \
-                 custom property `pileus_up_axis`",
+                 on its side, z is up in the file",
                 name(request),
                 info.full_name()
             ));
+            self.hint(Hint::ZIsUp);
         }
     }
 

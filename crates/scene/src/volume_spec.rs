@@ -24,7 +24,8 @@ options! {
         /// Name for messages and metadata. Default: the name of the file.
         name: String;
         /// The OpenVDB file, relative to the file that names it. A run of `#` stands for the frame
-        /// number, padded with zeros to the length of the run. Either this or `homogeneous` is needed.
+        /// number, padded with zeros to the length of the run. Either this or `homogeneous` is
+        /// needed.
         #[schemars(extend("examples" = ["cumulus.vdb", "smoke.####.vdb"]))]
         vdb: String, pattern(crate::schema_rule::ONE_RUN);
         /// The frame number that replaces `#` in `vdb`.
@@ -51,7 +52,7 @@ options! {
         transform: TransformSpec;
         /// The axis that points up in the OpenVDB file; `z` maps its (x, y, z) to (x, z, -y).
         up_axis: ByName<UpAxis> = ByName(UpAxis::Y);
-        /// The same extinction everywhere instead of a grid.
+        /// Extinction that is the same everywhere, instead of a grid.
         homogeneous: HomogeneousSpec;
     }
 }
@@ -60,8 +61,8 @@ options! {
     /// Density: `sigma_t = scale * value * extinction`, per scene unit.
     #[derive(Default)]
     pub struct DensitySpec {
-        /// Name of a float grid, or `name[i]` for the i-th of that name. Default: `density` if there
-        /// is one, else the only fog volume of the file.
+        /// Name of a float grid, or `name[i]` for the i-th of that name. Default: `density` if
+        /// there is one, else the only fog volume of the file.
         #[schemars(extend("examples" = ["density", "density[1]"]))]
         grid: String;
         /// Extinction per scene unit where the grid has the value 1; at least 0.
@@ -75,7 +76,7 @@ pub const LARGEST_COLOR: f64 = 3.4e38;
 /// A number for all channels, or one per channel (linear Rec. 709).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Rgb {
-    /// The same for all channels.
+    /// One number for all channels.
     Grey(f64),
     /// Red, green and blue.
     Channels([f64; 3]),
@@ -94,15 +95,15 @@ impl Rgb {
 /// Single-scattering albedo.
 #[derive(Debug, Clone, PartialEq)]
 pub enum AlbedoSpec {
-    /// The same everywhere.
+    /// One albedo everywhere.
     Constant(Rgb),
     /// The values of a grid of the same file.
     Grid(String),
 }
 
-/// A transmittance law: `T(tau)` between places that have nothing to do with the volume's particles.
-/// Rays that start at one of them follow `T'(tau) / T'(0)`, so that transport conserves energy and is
-/// reciprocal.
+/// A transmittance law: `T(tau)` between places that have nothing to do with the volume's
+/// particles. Rays that start at one of them follow `T'(tau) / T'(0)`, so that transport conserves
+/// energy and is reciprocal.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "type", rename_all = "snake_case", deny_unknown_fields)]
 pub enum LawSpec {
@@ -136,8 +137,9 @@ pub enum LawSpec {
     Linear {},
     /// Through the points of a file.
     Table {
-        /// A text file: an optical depth and a transmittance on each line, from `0, 1` on, falling and
-        /// convex; `#` begins a comment. Where the last transmittance is not 0 the rest is exponential.
+        /// A text file: an optical depth and a transmittance on each line, from `0, 1` on, falling
+        /// and convex; `#` begins a comment. Where the last transmittance is not 0 the rest is
+        /// exponential.
         file: String,
     },
 }
@@ -155,7 +157,8 @@ options! {
 }
 
 impl VolumeSpec {
-    /// Replaces the names of all files by what `resolve` makes of them; it is given the JSON pointer of the key, relative to this object.
+    /// Replaces the names of all files by what `resolve` makes of them; it is given the JSON
+    /// pointer of the key, relative to this object.
     ///
     /// # Errors
     /// The first that `resolve` returns.
@@ -184,14 +187,14 @@ impl VolumeSpec {
     }
 }
 
-/// Light that a volume gives off, as radiance per scene unit along a ray; scaling the volume makes it
-/// larger, and thereby brighter.
+/// Light that a volume gives off, as radiance per scene unit along a ray; scaling the volume makes
+/// it larger, and thereby brighter.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "type", rename_all = "snake_case", deny_unknown_fields)]
 pub enum EmissionSpec {
     /// Glowing soot: `sigma_a = sigma_t * (1 - albedo)` of the volume times the radiance of a black
-    /// body, so that there is light where there is both density and heat. Black below 500 K, constant
-    /// above 20000 K; colours outside Rec. 709 are clamped at the same luminance.
+    /// body, so that there is light where there is both density and heat. Black below 500 K,
+    /// constant above 20000 K; colours outside Rec. 709 are clamped at the same luminance.
     Blackbody {
         /// Where the temperature comes from.
         temperature: TemperatureSpec,
@@ -208,8 +211,8 @@ pub enum EmissionSpec {
         normalised: Option<bool>,
     },
     #[schemars(extend("allOf" = [rules::color_or_ramp()]))]
-    /// Radiance added per scene unit, whatever the density: `scale * color * value`, or `scale` times
-    /// the colour that `ramp` gives the value. What Cycles calls emission coefficients.
+    /// Radiance added per scene unit, whatever the density: `scale * color * value`, or `scale`
+    /// times the colour that `ramp` gives the value. What Cycles calls emission coefficients.
     Grid {
         /// Name of a grid of numbers, or of vectors (red, green, blue).
         grid: String,
@@ -223,8 +226,8 @@ pub enum EmissionSpec {
         #[schemars(extend("default" = 1))]
         #[schemars(transform = rules::factor)]
         scale: Option<f64>,
-        /// Colours by grid value, in ascending order: linear between them, constant beyond the first
-        /// and the last. Black at the grid's background, 0 as a rule.
+        /// Colours by grid value, in ascending order: linear between them, constant beyond the
+        /// first and the last. Black at the grid's background, 0 as a rule.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         #[schemars(extend("minItems" = 1))]
         ramp: Option<Vec<RampNodeSpec>>,
@@ -298,7 +301,7 @@ impl Named for UpAxis {
 }
 
 options! {
-    /// The same extinction everywhere.
+    /// Extinction that is the same everywhere.
     pub struct HomogeneousSpec {
         /// Extinction per scene unit, multiplied by `extinction`; at least 0.
         required sigma_t: f64, at_least(0), below(1e30);

@@ -42,14 +42,16 @@ pub enum Flight {
 
 /// A free flight with what the throughput is to be multiplied by.
 ///
-/// The measure `sigma_t(t) exp(-tau(t)) dt`, with the rest `exp(-tau(end))` at the escape, is the mean of the weighted flights in every channel.
+/// The measure `sigma_t(t) exp(-tau(t)) dt`, with the rest `exp(-tau(end))` at the escape, is the
+/// mean of the weighted flights in every channel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct WeightedFlight<S> {
     /// How it ended.
     pub flight: Flight,
     /// Factor on the throughput per channel; the albedo is not in it.
     pub weight: S,
-    /// Probability of all decisions for null collisions on the way; for samplers that know the optical depth, on escape, the transmittance.
+    /// Probability of all decisions for null collisions on the way; for samplers that know the
+    /// optical depth, on escape, the transmittance.
     pub null_probability: f32,
 }
 
@@ -58,13 +60,13 @@ methods! {
     pub enum DistanceSampler called "Distance", "How distances are sampled";
 
     /// Flies through `field` with throughput `beta`. Unbiased or biased as
-    /// [`DistanceSampler::facts`] says. `first`: an exponential variate to use first, for stratified
-    /// flights.
+    /// [`DistanceSampler::facts`] says. `first`: an exponential variate to use first, for
+    /// stratified flights.
     ///
     /// `Analytic` inverts the depth as `Regular` does, which for constant extinction is its closed
     /// form: whether a field is of that kind is the caller's to know. `Split` and `Equiangular` are
-    /// made of several flights, of which this is one: by delta tracking for one channel, by spectral
-    /// tracking for several.
+    /// made of several flights, of which this is one: by delta tracking for one channel, by
+    /// spectral tracking for several.
     pub fn fly[F: ExactField, C: Channels, R: Rng + ?Sized](
         field: F,
         channels: C,

@@ -38,11 +38,12 @@ pub(crate) fn prepare(
     load(resolve(input, overrides)?, planned)
 }
 
-/// Makes the plan of a scene: [`Plan::without_paths`], or [`Plan::new`] for renders and predictions.
+/// Makes the plan of a scene: [`Plan::without_paths`], or [`Plan::new`] for renders and
+/// predictions.
 pub(crate) type Planned = fn(&Scene, &RenderSettings) -> Result<Plan, pileus_integrator::Error>;
 
-/// As [`prepare`], for commands whose outputs must be writable and overwrite nothing: what can be
-/// known of that is looked at before anything is loaded.
+/// Resolves, loads and plans like [`prepare`], for commands whose outputs must be writable and
+/// overwrite nothing: what can be known of that is looked at before anything is loaded.
 pub(crate) fn prepare_to_write(
     planned: Planned,
     input: &InputOptions,
@@ -70,6 +71,9 @@ fn load(settings: Settings, planned: Planned) -> Result<Prepared, Failure> {
     let loaded = settings.load()?;
     for note in &loaded.notes {
         tracing::info!("{note}");
+    }
+    for hint in &loaded.hints {
+        tracing::info!("{}", words::hint(*hint));
     }
     for warning in &loaded.warnings {
         tracing::warn!("{warning}");

@@ -319,7 +319,8 @@ fn answer(
 }
 
 fn generator(seed: u64, stream: u64) -> Pcg64Mcg {
-    // Two odd multipliers (the golden ratio and that of splitmix64) keep close seeds and rays apart.
+    // Two odd multipliers (the golden ratio and that of splitmix64) keep close seeds and rays
+    // apart.
     let high = seed.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     let low = stream.wrapping_add(1).wrapping_mul(0xbf58_476d_1ce4_e5b9) ^ high.rotate_left(32);
     Pcg64Mcg::new(u128::from(high) << 64 | u128::from(low))

@@ -41,7 +41,7 @@ options! {
     #[derive(Default)]
     #[schemars(extend("allOf" = rules::environment()))]
     pub struct EnvironmentSpec {
-        /// The same radiance from all directions.
+        /// Radiance, the same from all directions.
         radiance: Rgb;
         /// A latitude-longitude image (`.exr` or `.hdr`), +Y up, its middle column at -Z.
         image: String;

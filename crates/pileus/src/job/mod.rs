@@ -59,8 +59,8 @@ options! {
     /// How a glTF scene is read.
     #[derive(Default)]
     pub struct GltfSpec {
-        /// Candela and lux of punctual lights are divided by this to give radiant units; 1 takes the
-        /// numbers as they are.
+        /// Candela and lux of punctual lights are divided by this to give radiant units; 1 takes
+        /// the numbers as they are.
         lumens_per_watt: f64 = 683.0, above(0), unit("lm/W");
         /// What a transmissive surface without `KHR_materials_volume` is.
         glass: ByName<GlassRule> = ByName(GlassRule::ClosedMeshesAreSolid);

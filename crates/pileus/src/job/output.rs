@@ -24,8 +24,8 @@ options! {
         /// Store the image's colours and alpha as 16-bit floats: half the size, values beyond 65504
         /// are clamped and counted. The variance stays 32-bit.
         half: bool = false;
-        /// A PNG to look at, tone-mapped by a filmic curve; null for none. Default: the image's path
-        /// with `.png`. With `-o` on the command line it follows the image.
+        /// A PNG to look at, tone-mapped by a filmic curve; null for none. Default: the image's
+        /// path with `.png`. With `-o` on the command line it follows the image.
         #[serde(deserialize_with = "even_null")]
         #[schemars(extend("examples" = ["cloud.png"]))]
         preview: Option<String>, pattern(rules::PNG);

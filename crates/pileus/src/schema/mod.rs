@@ -105,7 +105,8 @@ pub fn definitions_by_name() -> Map<String, Value> {
     }
 }
 
-/// What is said of an option, on one line: `spp` of `SamplingSpec`, for the help of the command line.
+/// What is said of an option, on one line: `spp` of `SamplingSpec`, for the help of the command
+/// line.
 pub(crate) fn about(definition: &str, key: &str) -> String {
     let schema = job_schema();
     let option = schema.pointer(&format!("/$defs/{definition}/properties/{key}"));

@@ -6,8 +6,8 @@ use pileus_scene::CameraRequest;
 use super::places::Places;
 use crate::job::CameraSpec;
 
-/// The camera that a job asks for. How it is placed the schema has checked: by a node, by a position
-/// and a target, or not at all.
+/// The camera that a job asks for. How it is placed the schema has checked: by a node, by a
+/// position and a target, or not at all.
 pub(super) fn resolve(spec: Option<&CameraSpec>, places: &Places) -> CameraRequest {
     let default = CameraSpec::default();
     let spec = spec.unwrap_or(&default);
