@@ -2,7 +2,7 @@
 #![allow(clippy::print_stdout, reason = "figures are worth reading beside a verdict")]
 
 use glam::{DVec3, Vec3};
-use pileus_integrator::{Channels, Distance, Events, Plan, RenderSettings, Transmittance};
+use pileus_integrator::{Channels, Events, Plan, RenderSettings};
 use pileus_media::distance::DistanceSampler;
 use pileus_media::transmittance::Estimator;
 use pileus_media::{Medium, Phase};
@@ -25,7 +25,7 @@ fn lumpy(sigma_t: [f32; 3], albedo: [f32; 3]) -> Medium {
 }
 
 fn by(distance: DistanceSampler, spp: u64, seed: u64) -> RenderSettings {
-    RenderSettings { distance: Distance::By(distance), ..settings(spp, seed) }
+    RenderSettings { distance: Some(distance), ..settings(spp, seed) }
 }
 
 fn axes(plan: &Plan) -> (Events, Channels) {
@@ -114,7 +114,11 @@ fn parted_channels_are_weighted_against_shadow_rays() {
     };
     for (seed, light) in ["disc", "image", "point"].into_iter().enumerate() {
         let scene = build(light);
-        let distance = if light == "point" { Distance::Equiangular } else { Distance::Split };
+        let distance = if light == "point" {
+            Some(DistanceSampler::Equiangular)
+        } else {
+            Some(DistanceSampler::Split)
+        };
         let settings = RenderSettings { distance, ..settings(64, 20 + seed as u64) };
         let plan = Plan::new(&scene, &settings).expect("a plan");
         assert_eq!((axes(&plan), plan.mis), ((Events::OneGrid, Channels::Split), light != "point"));
@@ -149,8 +153,8 @@ fn the_plan_says_where_channels_do_not_decouple() {
     let fog = cube_homogeneous(1.5, [0.3, 0.2, 0.1], [0.9; 3], Phase::Isotropic);
     let two = scene(vec![grid, fog], EYE, DVec3::ZERO, 36.0);
     let grey = lit(lumpy([4.0; 3], [0.9; 3]), EYE);
-    let split = RenderSettings { distance: Distance::Split, ..settings(1, 1) };
-    let regular = Transmittance::By(Estimator::Regular);
+    let split = RenderSettings { distance: Some(DistanceSampler::Split), ..settings(1, 1) };
+    let regular = Some(Estimator::Regular);
     let list = Events::MergedList;
     let cases = [
         (&two, split.clone(), (list, Channels::Split), "split"),
@@ -174,6 +178,7 @@ fn the_plan_says_where_channels_do_not_decouple() {
         let plan = Plan::new(scene, &settings).expect("a plan");
         assert_eq!((axes(&plan), plan.distance.name()), (kernel, distance));
         let said = plan.reasons.iter().any(|reason| reason.contains("no channels decouple"));
-        assert_eq!(said, settings.distance == Distance::Split && distance != "split");
+        let asked = settings.distance == Some(DistanceSampler::Split);
+        assert_eq!(said, asked && distance != "split");
     }
 }

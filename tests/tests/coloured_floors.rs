@@ -12,8 +12,9 @@
 
 use glam::{DAffine3, DVec3, Vec3};
 use pileus_film::Film;
-use pileus_integrator::{Distance, RenderSettings, Renderer, Transmittance, Unmonitored};
+use pileus_integrator::{RenderSettings, Renderer, Unmonitored};
 use pileus_media::distance::DistanceSampler;
+use pileus_media::name_or_auto;
 use pileus_media::transmittance::Estimator;
 use pileus_media::{Interpolation, Medium, Phase};
 use pileus_scene::{Bsdf, Camera, EnvironmentImage, Light, Point, Scene, Spot};
@@ -252,7 +253,7 @@ fn expected(scene: &Scene, light: usize) -> [f64; 3] {
     (radiance * transmittance(scene, o, d.as_dvec3(), hit.t)).to_array()
 }
 
-fn distances() -> Vec<Distance> {
+fn distances() -> Vec<Option<DistanceSampler>> {
     let by = [
         DistanceSampler::Delta,
         DistanceSampler::Spectral,
@@ -260,12 +261,12 @@ fn distances() -> Vec<Distance> {
         DistanceSampler::Decomposition,
         DistanceSampler::Regular,
     ];
-    std::iter::once(Distance::Auto).chain(by.map(Distance::By)).collect()
+    std::iter::once(None).chain(by.map(Some)).collect()
 }
 
-fn transmittances() -> Vec<Transmittance> {
-    let by = Estimator::ALL.into_iter().filter(|e| e.is_unbiased()).map(Transmittance::By);
-    std::iter::once(Transmittance::Auto).chain(by).collect()
+fn transmittances() -> Vec<Option<Estimator>> {
+    let by = Estimator::ALL.into_iter().filter(|e| e.is_unbiased()).map(Some);
+    std::iter::once(None).chain(by).collect()
 }
 
 /// Mean and standard error of each channel.
@@ -296,8 +297,8 @@ fn check(row: Row, number: u64) -> Option<String> {
         floors[floor].0,
         medium.0,
         LIGHTS[light],
-        distances()[distance].name(),
-        transmittances()[transmittance].name()
+        name_or_auto(distances()[distance]),
+        name_or_auto(transmittances()[transmittance])
     );
     let Case { scene, expected } = case(&floors[floor], medium, light);
     let settings = |spp: u64, seed: u64| RenderSettings {
@@ -391,9 +392,8 @@ fn sizes() -> Row {
 /// Rows in which weights count the way: lights that shadow rays and paths both meet, under methods that share a density. These are few among all pairs.
 fn weighted() -> Vec<Row> {
     let axis = |name: &str| LIGHTS.iter().position(|light| *light == name).expect("a light");
-    let distance = |s| distances().iter().position(|d| *d == Distance::By(s)).expect("a sampler");
-    let estimator =
-        |e| transmittances().iter().position(|t| *t == Transmittance::By(e)).expect("an estimator");
+    let distance = |s| distances().iter().position(|d| *d == Some(s)).expect("a sampler");
+    let estimator = |e| transmittances().iter().position(|t| *t == Some(e)).expect("an estimator");
     let ratio = estimator(Estimator::Ratio);
     let methods = [
         [0, 0],

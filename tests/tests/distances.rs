@@ -130,6 +130,7 @@ fn flights_end_where_the_law_says() {
         .filter(|(case, sampler)| {
             let constant = matches!(case.profile, Profile::Constant { .. });
             sampler.is_unbiased()
+                && sampler.is_one_flight()
                 && (case.is_bounded() || sampler.is_unbiased_without_bounds())
                 && (*sampler != DistanceSampler::Analytic || constant)
                 // Signed weights with an exponential variance: a test of its own.

@@ -1,9 +1,10 @@
 //! What lies at the ends of single precision: very dense media, very thin ones beside them, grey that must stay grey, clouds far from their grid's corner.
 
 use glam::{DAffine3, DVec3, Vec3};
-use pileus_integrator::{Distance, Plan, RenderSettings, Transmittance};
+use pileus_integrator::{Parameter, Plan, RenderSettings};
 use pileus_media::distance::DistanceSampler;
 use pileus_media::law::{Component, DavisWeinstein, Erlang, Law, Linear, Mixture, Power, Table};
+use pileus_media::name_or_auto;
 use pileus_media::transmittance::Estimator;
 use pileus_media::{Interpolation, Medium, Phase};
 use pileus_scene::{Camera, Scene};
@@ -47,13 +48,9 @@ fn grey_media_stay_grey() {
         Some(Law::Table(Table::new(&points).unwrap())),
         Some(Law::Mixture(Mixture::new(with_atom).unwrap())),
     ];
-    let mut distances = vec![Distance::Auto, Distance::Split, Distance::Equiangular];
-    distances.extend(DistanceSampler::ALL.map(Distance::By));
-    let transmittances = [
-        Transmittance::Auto,
-        Transmittance::By(Estimator::Regular),
-        Transmittance::By(Estimator::DebiasedRayMarching),
-    ];
+    let mut distances = vec![None];
+    distances.extend(DistanceSampler::ALL.map(Some));
+    let transmittances = [None, Some(Estimator::Regular), Some(Estimator::DebiasedRayMarching)];
     let mut compared = 0;
     for law in laws {
         for two in [false, true] {
@@ -72,7 +69,7 @@ fn grey_media_stay_grey() {
                         continue;
                     }
                     let [r, g, b] = planes(&rendered(&scene, &settings));
-                    let what = (&law, two, distance.name(), transmittance.name());
+                    let what = (&law, two, name_or_auto(*distance), name_or_auto(transmittance));
                     assert!(r == g && g == b, "{what:?}");
                     assert!(r.iter().any(|v| *v > 0.0), "{what:?}");
                     compared += 1;
@@ -156,15 +153,18 @@ fn methods_that_would_not_end_are_refused() {
         Plan::new(&small(vec![medium()], EYE, DVec3::ZERO, 20.0, 4), &settings)
     };
     let base = || settings(1, 1);
-    let delta = Distance::By(DistanceSampler::Delta);
-    let error = plan(RenderSettings { distance: delta, ..base() }).unwrap_err().to_string();
-    assert!(error.contains("volume 0") && error.contains("sampling.distance delta"), "{error}");
-    let ratio = Transmittance::By(Estimator::Ratio);
-    let error = plan(RenderSettings { transmittance: ratio, ..base() }).unwrap_err().to_string();
-    assert!(error.contains("sampling.transmittance ratio"), "{error}");
+    let delta = Some(DistanceSampler::Delta);
+    let refused = |settings, parameter| {
+        let error = plan(settings).unwrap_err();
+        assert_eq!(error.parameter(), Some(parameter), "{error}");
+        assert!(error.to_string().contains("volume 0") && !error.remedies().is_empty(), "{error}");
+    };
+    refused(RenderSettings { distance: delta, ..base() }, Parameter::Distance);
+    let ratio = Some(Estimator::Ratio);
+    refused(RenderSettings { transmittance: ratio, ..base() }, Parameter::Transmittance);
     let plan = plan(base()).unwrap();
-    assert_eq!(plan.distance, Distance::By(DistanceSampler::Regular));
-    assert_eq!(plan.transmittance, Transmittance::By(Estimator::Regular));
+    assert_eq!(plan.distance, DistanceSampler::Regular);
+    assert_eq!(plan.transmittance, Estimator::Regular);
 }
 
 /// A voxel of 10^5 in fog of 10^-9, seen along rays three voxels beside it, whose optical depth is 1.6e-8: alpha of 512 samples is zero, but for a chance of 8e-6. It was .06.
@@ -184,7 +184,7 @@ fn fog_beside_a_dense_voxel_is_as_thin_as_it_is() {
     let result = rendered(&scene, &settings(32, 1));
     assert!(result.image.channel("A").unwrap().iter().all(|a| *a == 0.0));
     // By tentative collisions as well, of which there are 10^5 on every ray: they were real 2^-24 of the time.
-    let distance = Distance::By(DistanceSampler::Delta);
+    let distance = Some(DistanceSampler::Delta);
     let result = rendered(&scene, &RenderSettings { distance, ..settings(4, 1) });
     assert!(result.counters.lookups > 5_000_000, "{:?}", result.counters);
     assert!(result.image.channel("A").unwrap().iter().all(|a| *a == 0.0));

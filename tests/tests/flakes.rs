@@ -3,7 +3,8 @@
 
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 use pileus_film::read_exr;
-use pileus_integrator::{Distance, Plan, RenderSettings, Transmittance};
+use pileus_integrator::{Plan, RenderSettings};
+use pileus_media::distance::DistanceSampler;
 use pileus_media::flakes::{FlakeGrid, FlakeScattering, FlakeShape, Flakes, Roughness, Sggx};
 use pileus_media::transmittance::Estimator;
 use pileus_media::{Medium, Phase};
@@ -169,9 +170,10 @@ fn all_ways_to_say_the_same_flakes() {
     let by_grid = flakes(FlakeShape::Grid(Box::new(grid)), FlakeScattering::Specular);
     let by_grid = cube_grid(1.0, sigma_t, albedo, by_grid);
     assert_same("by grid", &reference, &with(vec![by_grid.clone()], settings(128, 4)));
-    let equiangular = RenderSettings { distance: Distance::Equiangular, ..settings(128, 5) };
+    let equiangular =
+        RenderSettings { distance: Some(DistanceSampler::Equiangular), ..settings(128, 5) };
     assert_same("equiangular", &reference, &with(vec![by_grid.clone()], equiangular));
-    let exact = Transmittance::By(Estimator::Regular);
+    let exact = Some(Estimator::Regular);
     let exact = RenderSettings { transmittance: exact, ..settings(128, 6) };
     assert_same("exact", &reference, &with(vec![part(1.0)], exact.clone()));
     // Along grids of flakes nothing is integrated exactly: they are walked, the rest is not.

@@ -2,13 +2,14 @@
 #![allow(clippy::print_stdout, reason = "figures are worth reading beside a verdict")]
 
 use glam::{DVec3, Vec3};
-use pileus_integrator::{Distance, Events, Plan, RenderSettings, Transmittance};
+use pileus_integrator::{Events, Parameter, Plan, RenderSettings};
 use pileus_lab::experiment::classed_rays;
 use pileus_lab::{Profile, ProfileCase};
 use pileus_media::distance::{DistanceSampler, Flight, regular_flight_under_law};
 use pileus_media::law::{
     Component, DavisWeinstein, Erlang, Law, Linear, Mixture, Passage, Power, Start, Table,
 };
+use pileus_media::name_or_auto;
 use pileus_media::phase::ISOTROPIC;
 use pileus_media::random::{exponential, uniform};
 use pileus_media::transmittance::{
@@ -309,8 +310,8 @@ fn channels_follow_their_own_depths() {
 }
 
 fn by_name(
-    distance: Distance,
-    transmittance: Transmittance,
+    distance: Option<DistanceSampler>,
+    transmittance: Option<Estimator>,
     base: RenderSettings,
 ) -> RenderSettings {
     RenderSettings { distance, transmittance, ..base }
@@ -369,9 +370,9 @@ fn the_exponential_law_is_the_plain_kernel() {
         };
         let plain = rendered(&make(None), &settings(64, 1));
         for (k, (distance, transmittance)) in [
-            (Distance::Auto, Transmittance::Auto),
-            (Distance::By(DistanceSampler::Regular), Transmittance::By(Estimator::Regular)),
-            (Distance::Auto, Transmittance::By(Estimator::DebiasedRayMarching)),
+            (None, None),
+            (Some(DistanceSampler::Regular), Some(Estimator::Regular)),
+            (None, Some(Estimator::DebiasedRayMarching)),
         ]
         .into_iter()
         .enumerate()
@@ -381,7 +382,11 @@ fn the_exponential_law_is_the_plain_kernel() {
             // The choice of levels moves no mean.
             let other = RenderSettings { level_exponent: 1.5 + 0.25 * k as f64, ..other };
             let result = rendered(&make(Some(exponential_law())), &other);
-            let what = format!("{extinction:?} {} {}", distance.name(), transmittance.name());
+            let what = format!(
+                "{extinction:?} {} {}",
+                name_or_auto(distance),
+                name_or_auto(transmittance)
+            );
             assert_same(&what, &plain, &result);
         }
     }
@@ -427,16 +432,15 @@ fn single_scattering_is_quadrature() {
     let to_sun = Vec3::new(0.5, 0.8, -0.3).normalize();
     let sigma_t = 1.1f64;
     for law in laws() {
-        for (distance, transmittance) in [
-            (Distance::Auto, Transmittance::Auto),
-            (Distance::By(DistanceSampler::Regular), Transmittance::By(Estimator::Regular)),
-        ] {
+        for (distance, transmittance) in
+            [(None, None), (Some(DistanceSampler::Regular), Some(Estimator::Regular))]
+        {
             let cube = cube_grid(1.0, [sigma_t as f32; 3], [1.0; 3], Phase::Isotropic);
             let mut scene = scene(vec![under(cube, &law)], EYE, DVec3::ZERO, 16.0);
             scene.lights.push(sun(to_sun, Vec3::splat(4.0), 0.0));
             let base = RenderSettings { max_bounces: Some(1), ..point_filter(32, 5) };
             let result = rendered(&scene, &by_name(distance, transmittance, base));
-            let what = format!("{law} {}", distance.name());
+            let what = format!("{law} {}", name_or_auto(distance));
             let expected = |x, y| {
                 let (o, d) = pixel_ray(&scene, x, y);
                 let Some((a, b)) = cube_span(o, d, 1.0) else { return [0.0; 3] };
@@ -527,8 +531,8 @@ fn the_plan_says_what_it_does_and_refuses_what_assumes_the_exponential() {
         scene(vec![cube.with_law(law.cloned().map(Arc::new))], EYE, DVec3::ZERO, 40.0)
     };
     let plan = |settings| Plan::new(&scene_of(Some(&power(2.0))), &settings).unwrap().to_string();
-    let debiased = Transmittance::By(Estimator::DebiasedRayMarching);
-    let asked = by_name(Distance::Auto, debiased, settings(1, 1));
+    let debiased = Some(Estimator::DebiasedRayMarching);
+    let asked = by_name(None, debiased, settings(1, 1));
     let chosen = RenderSettings { level_exponent: 2.5, ..asked.clone() };
     assert!(plan(asked).contains("series of exponent 1.5"));
     assert!(plan(chosen).contains("series of exponent 2.5"));
@@ -542,30 +546,28 @@ fn the_plan_says_what_it_does_and_refuses_what_assumes_the_exponential() {
         assert!(text.contains(&format!("follows the law {law}")), "{text}");
         assert_eq!(text.contains("a drawn rate"), law.is_mixture_of_exponentials(), "{text}");
         for sampler in DistanceSampler::ALL {
-            let asked = by_name(Distance::By(sampler), Transmittance::Auto, settings(1, 1));
+            let asked = by_name(Some(sampler), None, settings(1, 1));
             let holds = sampler == DistanceSampler::Regular
                 || law.is_mixture_of_exponentials()
                     && sampler.is_unbiased()
+                    && sampler.is_one_flight()
                     && sampler != DistanceSampler::Analytic;
             let plan = Plan::new(&scene, &asked);
             assert_eq!(plan.is_ok(), holds, "{law} {sampler:?}");
             if let Err(error) = plan
                 && sampler != DistanceSampler::Analytic
             {
-                let error = error.to_string();
-                assert!(
-                    error.contains("sampling.distance") && error.contains("exponential"),
-                    "{error}"
-                );
+                assert_eq!(error.parameter(), Some(Parameter::Distance), "{error}");
+                assert!(error.to_string().contains("exponential"), "{error}");
             }
         }
         for estimator in Estimator::ALL {
-            let asked = by_name(Distance::Auto, Transmittance::By(estimator), settings(1, 1));
+            let asked = by_name(None, Some(estimator), settings(1, 1));
             let holds = matches!(estimator, Estimator::Regular | Estimator::DebiasedRayMarching)
                 || law.is_mixture_of_exponentials() && estimator.is_unbiased();
             assert_eq!(Plan::new(&scene, &asked).is_ok(), holds, "{law} {estimator:?}");
         }
-        let points = by_name(Distance::Equiangular, Transmittance::Auto, settings(1, 1));
+        let points = by_name(Some(DistanceSampler::Equiangular), None, settings(1, 1));
         assert!(Plan::new(&scene, &points).is_err());
     }
 }

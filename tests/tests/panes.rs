@@ -2,7 +2,8 @@
 //! way of light.
 
 use glam::{DVec3, Vec3};
-use pileus_integrator::{Distance, Plan, RenderSettings};
+use pileus_integrator::{Plan, RenderSettings};
+use pileus_media::distance::DistanceSampler;
 use pileus_media::law::{Law, Power};
 use pileus_media::{Medium, Phase};
 use pileus_scene::{Camera, Interaction, Light, Point, Scene, Spot};
@@ -121,12 +122,12 @@ fn panes_dim_and_tint() {
     let chromatic = cube_homogeneous(1.0, [0.8, 0.4, 0.2], [0.7; 3], Phase::henyey_greenstein(0.3));
     let all = lights();
     for (k, (name, medium, lights, distance)) in [
-        ("sun", grey(0.8), &all[..1], Distance::Auto),
-        ("point", grey(0.8), &all[1..2], Distance::Auto),
-        ("spot", grey(0.8), &all[2..], Distance::Auto),
-        ("all, chromatic", chromatic, &all[..], Distance::Auto),
-        ("all, a power law", grey(0.8).with_law(Some(Arc::new(law))), &all[..], Distance::Auto),
-        ("point and spot, equal angles", grey(0.1), &all[1..], Distance::Equiangular),
+        ("sun", grey(0.8), &all[..1], None),
+        ("point", grey(0.8), &all[1..2], None),
+        ("spot", grey(0.8), &all[2..], None),
+        ("all, chromatic", chromatic, &all[..], None),
+        ("all, a power law", grey(0.8).with_law(Some(Arc::new(law))), &all[..], None),
+        ("point and spot, equal angles", grey(0.1), &all[1..], Some(DistanceSampler::Equiangular)),
     ]
     .into_iter()
     .enumerate()

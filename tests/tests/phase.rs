@@ -2,7 +2,7 @@
 #![allow(clippy::print_stdout, reason = "figures are worth reading beside a verdict")]
 
 use glam::{DAffine3, DVec3, Vec3};
-use pileus_integrator::{Distance, RenderSettings};
+use pileus_integrator::RenderSettings;
 use pileus_media::distance::DistanceSampler;
 use pileus_media::phase::{CosineGrid, Draine, Lobe, MieFit, Mixture, Tabulated};
 use pileus_media::{Albedo, GridMedium, Interpolation, Medium, Phase, VoxelGrid, VoxelGridOptions};
@@ -158,8 +158,8 @@ fn equiangular_points_see_the_same_law() {
             let settings = RenderSettings { distance, ..settings(256, seed) };
             rendered(&scene, &settings)
         };
-        let flights = render(Distance::By(DistanceSampler::Delta), 2 * k as u64);
-        let points = render(Distance::Equiangular, 2 * k as u64 + 1);
+        let flights = render(Some(DistanceSampler::Delta), 2 * k as u64);
+        let points = render(Some(DistanceSampler::Equiangular), 2 * k as u64 + 1);
         assert_same(name, &flights, &points);
     }
 }

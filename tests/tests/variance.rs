@@ -5,7 +5,7 @@ use glam::{DVec3, Vec3};
 use pileus::input::{Input, VdbOptions};
 use pileus::settings::{Overrides, Settings};
 use pileus_film::{Crop, Film};
-use pileus_integrator::{RenderSettings, Unmonitored};
+use pileus_integrator::{RenderSettings, Renderer, Unmonitored};
 use pileus_media::Phase;
 use pileus_scene::{EnvironmentImage, Scene};
 use pileus_tests::{
@@ -21,7 +21,7 @@ const SEEDS: u64 = 200;
 fn load(path: &Path, resolution: Option<[u32; 2]>) -> (Scene, RenderSettings) {
     let input = Input::open(path, &VdbOptions::default()).expect("an input");
     let overrides = Overrides { resolution, ..Overrides::default() };
-    let mut settings = Settings::resolve(input, &overrides).expect("a sound job");
+    let settings = Settings::resolve(input, &overrides).expect("a sound job");
     let scene = settings.load().expect("a sound scene").scene;
     (scene, settings.render)
 }

@@ -15,11 +15,9 @@ mod settings;
 
 pub use cost::PathCost;
 pub use counters::Counters;
-pub use error::Error;
+pub use error::{Error, Parameter, Remedy};
 pub use plan::{Channels, Events, KernelAxes, PhaseFunctions, Plan, PlannedVolume, World};
 pub use prepass::{Prepass, RecordedRays};
 pub use renderer::{Monitor, Renderer, Unmonitored};
 pub use sampler::PathSampler;
-pub use settings::{
-    DEFAULT_MAX_EVENTS, Distance, LightSampling, RenderSettings, ShadowRoulette, Transmittance,
-};
+pub use settings::{DEFAULT_MAX_EVENTS, LightSampling, RenderSettings, ShadowRoulette};

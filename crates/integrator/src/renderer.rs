@@ -1,7 +1,7 @@
 //! A renderer: scene, plan, media, lights and prepass of one render, and the one place where a plan turns into a compiled kernel.
 
 use crate::counters::Counters;
-use crate::error::Error;
+use crate::error::{Error, Parameter, Remedy};
 use crate::kernel::{
     Kernel, MediumStack, PathLimits, VolumesAndSurfaces, VolumesOnly, World, luminance,
 };
@@ -91,10 +91,14 @@ impl PlannedMedia {
                     return Ok(Arc::clone(&volume.medium));
                 }
                 volume.medium.with_majorants(structure, factor).map(Arc::new).map_err(|error| {
-                    Error::Invalid {
-                        what: format!("volume `{}`: {error}", volume.name),
-                        remedy: "leave sampling.majorants and sampling.majorant_scale to the plan"
-                            .into(),
+                    Error::Parameter {
+                        parameter: Parameter::MajorantScale,
+                        value: factor.to_string(),
+                        why: format!("volume `{}`: {error}", volume.name),
+                        remedies: vec![Remedy::Default(&[
+                            Parameter::Majorants,
+                            Parameter::MajorantScale,
+                        ])],
                     }
                 })
             })
@@ -170,13 +174,12 @@ impl<'a> Renderer<'a> {
         monitor: &dyn Monitor,
     ) -> Result<Counters, Error> {
         if self.scene.camera.resolution() != film.resolution() {
-            return Err(Error::Invalid {
+            return Err(Error::Film {
                 what: format!(
-                    "the camera was made for {:?} pixels, the film has {:?}",
+                    "the camera was made for {:?} pixels, the film has {:?}: make both from one resolution",
                     self.scene.camera.resolution(),
                     film.resolution()
                 ),
-                remedy: "make both from one resolution".into(),
             });
         }
         let watch = Watch { monitor, stopped: AtomicBool::new(false) };

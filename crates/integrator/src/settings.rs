@@ -1,68 +1,17 @@
 //! How a scene is to be sampled.
 
 use pileus_film::Filter;
-use pileus_media::MajorantStructure;
 use pileus_media::distance::DistanceSampler;
 use pileus_media::transmittance::Estimator;
+use pileus_media::{Expectation, MajorantStructure, Named};
 use std::ops::Range;
 
-/// How transmittance is estimated.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Transmittance {
-    /// What the plan finds best for the scene.
-    #[default]
-    Auto,
-    /// By this estimator.
-    By(Estimator),
-}
-
-impl Transmittance {
-    /// The name that jobs use.
-    pub fn name(self) -> &'static str {
-        match self {
-            Transmittance::Auto => "auto",
-            Transmittance::By(estimator) => estimator.name(),
-        }
-    }
-}
-
-impl serde::Serialize for Transmittance {
-    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.serialize_str(self.name())
-    }
-}
-
-/// How distances are sampled.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Distance {
-    /// What the plan finds best for the scene.
-    #[default]
-    Auto,
-    /// By this sampler of free flights.
-    By(DistanceSampler),
-    /// One grid of extinction per channel: channels fly together until their events differ, each by delta tracking. The plan's flights where that
-    /// does not apply.
-    Split,
-    /// The plan's flights, and points seen by point-like lights at equal angles; weighted against each other.
-    Equiangular,
-}
-
-impl Distance {
-    /// The name that jobs use.
-    pub fn name(self) -> &'static str {
-        match self {
-            Distance::Auto => "auto",
-            Distance::By(sampler) => sampler.name(),
-            Distance::Split => "split",
-            Distance::Equiangular => "equiangular",
-        }
-    }
-}
-
-impl serde::Serialize for Distance {
-    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.serialize_str(self.name())
-    }
+/// Serialises a method as its name.
+pub(crate) fn by_name<T: Named, S: serde::Serializer>(
+    method: &T,
+    serializer: S,
+) -> Result<S::Ok, S::Error> {
+    serializer.serialize_str(method.name())
 }
 
 /// Which techniques find light that both shadow rays and paths can meet.
@@ -72,28 +21,59 @@ pub enum LightSampling {
     /// Shadow rays and paths, weighted by the balance heuristic; fires draw paths to themselves.
     #[default]
     Both,
-    /// Paths alone, drawn to nothing: for comparisons. Delta lights, which no path can meet, are still sent shadow rays.
+    /// Paths alone, drawn to nothing: for comparisons. Delta lights, which no path can meet, are
+    /// still sent shadow rays.
     Paths,
 }
 
-/// What decides whether a shadow ray is sent from a point in a medium. The expectation of the picture does not depend on it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
-#[serde(rename_all = "snake_case")]
+/// What decides whether a shadow ray is sent from a point in a medium. The expectation of the
+/// picture does not depend on it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ShadowRoulette {
-    /// What the plan finds better for the scene.
-    #[default]
-    Auto,
-    /// The lights' importance and the throughput.
+    /// What the lights may contribute unshadowed, times the path's throughput.
     Importance,
-    /// These, times the transmittance that a pilot found around the point, over the radiance that the path was expected to bring.
+    /// That, times the transmittance that a prepass found around the point, over the radiance that
+    /// the path was expected to bring.
     Expected,
+}
+
+impl Named for ShadowRoulette {
+    const ALL: &'static [ShadowRoulette] = &[ShadowRoulette::Importance, ShadowRoulette::Expected];
+    const TITLE: &'static str = "ShadowRoulette";
+    const QUESTION: &'static str =
+        "What decides whether a shadow ray is sent from a point in a volume";
+
+    fn name(self) -> &'static str {
+        match self {
+            ShadowRoulette::Importance => "importance",
+            ShadowRoulette::Expected => "expected",
+        }
+    }
+
+    fn expectation(self) -> Option<Expectation> {
+        Some(Expectation::Unbiased)
+    }
+
+    fn about(self) -> &'static str {
+        match self {
+            ShadowRoulette::Importance => {
+                "What the lights may contribute unshadowed, times the path's throughput."
+            }
+            ShadowRoulette::Expected => {
+                "That importance, times the transmittance that a pilot of 4096 paths found around the \
+                 point, over the radiance that the path was expected to bring; without surfaces, \
+                 point lights and light from volumes."
+            }
+        }
+    }
 }
 
 /// The value of [`RenderSettings::max_events`] where nobody says otherwise: some tenths of a second
 /// for one path.
 pub const DEFAULT_MAX_EVENTS: u64 = 1 << 20;
 
-/// How a scene is to be sampled. The value of a sample depends on these (but for the range), the scene, the pixel and the sample's number.
+/// How a scene is to be sampled. The value of a sample depends on these (but for the range), the
+/// scene, the pixel and the sample's number.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RenderSettings {
     /// Numbers of the samples per pixel to render.
@@ -110,25 +90,29 @@ pub struct RenderSettings {
     pub max_events: Option<u64>,
     /// Pixel filter, by importance sampling.
     pub filter: Filter,
-    /// How transmittance is estimated.
-    pub transmittance: Transmittance,
-    /// How distances are sampled.
-    pub distance: Distance,
+    /// How transmittance is estimated; `None`: as the plan finds best for the scene.
+    pub transmittance: Option<Estimator>,
+    /// How distances are sampled; `None`: as the plan finds best for the scene.
+    pub distance: Option<DistanceSampler>,
     /// How grids are parted for their majorants.
     pub majorants: MajorantStructure,
-    /// Factor on the majorants of grids: 1 unless an experiment wants them looser (above) or broken (below).
+    /// Factor on the majorants of grids: 1 unless an experiment wants them looser (above) or broken
+    /// (below).
     pub majorant_scale: f32,
-    /// Whether the default majorants run in the kernel that all structures share, which branches per step, instead of their own: to compare
-    /// structures by equal means.
+    /// Whether the default majorants run in the kernel that all structures share, which branches
+    /// per step, instead of their own: to compare structures by equal means.
     pub shared_kernel: bool,
-    /// Of debiased ray marching under laws that are not exponential: level `j` has a probability in proportion to 2 to the power of minus `j` times this. Above 1, else the
-    /// work is infinite; where it is too large the variance is.
+    /// Of debiased ray marching under laws that are not exponential: level `j` has a probability in
+    /// proportion to 2 to the power of minus `j` times this. Above 1, else the work is infinite;
+    /// where it is too large the variance is.
     pub level_exponent: f64,
-    /// How shadow rays in media are played roulette.
-    pub shadow_roulette: ShadowRoulette,
+    /// What decides whether a shadow ray is sent from a point in a medium; `None`: what the plan
+    /// finds better for the scene.
+    pub shadow_roulette: Option<ShadowRoulette>,
     /// Which techniques find light that both can meet.
     pub light_sampling: LightSampling,
-    /// Largest luminance of a single sample: brighter ones are scaled down to it. **Biased**: light that few paths find is lost. `None`: no limit.
+    /// Largest luminance of a single sample: brighter ones are scaled down to it. **Biased**: light
+    /// that few paths find is lost. `None`: no limit.
     pub clamp: Option<f32>,
     /// Edge of the tiles that threads take, pixels. No influence on the image.
     pub tile_size: u32,
@@ -142,13 +126,13 @@ impl Default for RenderSettings {
             max_bounces: None,
             max_events: Some(DEFAULT_MAX_EVENTS),
             filter: Filter::default(),
-            transmittance: Transmittance::Auto,
-            distance: Distance::Auto,
+            transmittance: None,
+            distance: None,
             majorants: MajorantStructure::default(),
             majorant_scale: 1.0,
             shared_kernel: false,
             level_exponent: 1.5,
-            shadow_roulette: ShadowRoulette::Auto,
+            shadow_roulette: None,
             light_sampling: LightSampling::Both,
             clamp: None,
             tile_size: 16,

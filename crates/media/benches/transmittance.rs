@@ -79,8 +79,8 @@ impl VoxelKernel for Rays<'_> {
         let mut group = criterion.benchmark_group(format!("distance/{name}"));
         group.sample_size(20).throughput(Throughput::Elements(spans.len() as u64));
         for sampler in DistanceSampler::ALL {
-            // The closed form of constant extinction.
-            if sampler == DistanceSampler::Analytic {
+            // The closed form of constant extinction, and what is made of several flights.
+            if sampler == DistanceSampler::Analytic || !sampler.is_one_flight() {
                 continue;
             }
             group.bench_function(sampler.name(), |b| {

@@ -17,6 +17,7 @@ mod index_map;
 pub mod law;
 mod majorant;
 mod medium;
+mod method;
 pub mod phase;
 pub mod random;
 mod scaled;
@@ -42,6 +43,9 @@ pub use majorant::{
     MajorantStructure, Majorants, Partition, STEP_COST, StructureCost, WideRay,
 };
 pub use medium::{Albedo, AnyGridRay, FieldKernel, GridMedium, Medium, Span, VoxelKernel};
+pub use method::{
+    Expectation, Facts, Named, Transmittances, Work, from_name_or_auto, name_or_auto,
+};
 pub use phase::{Phase, PhaseAt};
 pub use scaled::Scaled;
 pub use tally::Tally;

@@ -2,11 +2,15 @@
 
 use std::path::PathBuf;
 
-use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use clap::{Args, Parser, Subcommand};
+use pileus_media::transmittance::Estimator;
+use pileus_media::{Interpolation, Named};
 use pileus_scene::volume_spec::UpAxis;
 
 use crate::input::VdbOptions;
 use crate::job::MAX_SPP;
+use crate::schema::about;
 use crate::settings::Overrides;
 
 const EXIT_CODES: &str = "\
@@ -81,10 +85,12 @@ job or an option says otherwise. No file that is read is ever overwritten.")]
     /// Print the JSON Schema of jobs.
     Schema(SchemaOptions),
     /// Measure image A against image B (the reference).
+    #[cfg(feature = "lab")]
     Compare(CompareOptions),
     /// Ask single questions of a volume, JSON in and out.
     Probe(ProbeOptions),
     /// Measure methods and draw charts of error against time.
+    #[cfg(feature = "lab")]
     Chart(ChartOptions),
 }
 
@@ -118,7 +124,8 @@ Writes majorants-NAME.csv, .html, and the plots as .svg and .png.")]
     #[command(after_long_help = "\
 Writes stability.md, stability.csv, stability.html and plots. The outcome is the same on every machine.")]
     Stability(ChartStabilityOptions),
-    /// Debiased transmittance under laws that are not exponential: variance and cost by how its levels are chosen.
+    /// Debiased transmittance under laws that are not exponential: variance and cost by how its
+    /// levels are chosen.
     #[command(after_long_help = "\
 Writes laws.csv, laws.html and plots. The figures are the same on every machine.")]
     Laws(ChartLawsOptions),
@@ -136,7 +143,8 @@ pub struct ChartTransmittanceOptions {
     /// OpenVDB only: the grid of the density, `name` or `name[i]`.
     #[arg(long, value_name = "NAME")]
     pub grid: Option<String>,
-    /// OpenVDB only: extinction per scene unit where the grid is 1; chosen so that it looks like a cloud if not given.
+    /// OpenVDB only: extinction per scene unit where the grid is 1; chosen so that it looks like a
+    /// cloud if not given.
     #[arg(long, value_name = "S", value_parser = parse_scale)]
     pub density_scale: Option<f64>,
     /// Rays per class.
@@ -222,8 +230,8 @@ pub struct InputOptions {
     #[arg(long, value_name = "S", value_parser = parse_scale)]
     pub density_scale: Option<f64>,
     /// OpenVDB only: the axis that points up in the file.
-    #[arg(long, value_name = "AXIS")]
-    pub up_axis: Option<UpAxisArgument>,
+    #[arg(long, value_name = "AXIS", value_parser = by_name::<UpAxis>())]
+    pub up_axis: Option<UpAxis>,
     /// The camera of the scene to use, by the name of its node.
     #[arg(long, value_name = "NAME")]
     pub camera: Option<String>,
@@ -236,13 +244,11 @@ fn parse_scale(text: &str) -> Result<f64, String> {
     }
 }
 
-/// [`UpAxis`] on the command line.
-#[derive(Debug, Clone, Copy, ValueEnum)]
-pub enum UpAxisArgument {
-    /// +Y, as in glTF.
-    Y,
-    /// +Z, as in Blender.
-    Z,
+/// Reads the name of a choice; its list is part of the help and of the error.
+fn by_name<T: Named + Send + Sync>() -> impl TypedValueParser<Value = T> {
+    let names = T::ALL.iter().map(|choice| PossibleValue::new(choice.name()).help(choice.about()));
+    PossibleValuesParser::new(names)
+        .try_map(|name| T::from_name(&name).ok_or("there is no such name"))
 }
 
 impl InputOptions {
@@ -255,10 +261,7 @@ impl InputOptions {
         VdbOptions {
             grid: self.grid.clone(),
             density_scale: self.density_scale,
-            up_axis: self.up_axis.map(|axis| match axis {
-                UpAxisArgument::Y => UpAxis::Y,
-                UpAxisArgument::Z => UpAxis::Z,
-            }),
+            up_axis: self.up_axis,
         }
     }
 }
@@ -285,14 +288,19 @@ pub struct RenderOptions {
     #[arg(long, value_name = "JOB")]
     pub save_job: Option<PathBuf>,
     /// Samples per pixel instead of the job's.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=MAX_SPP))]
+    #[arg(long, value_name = "N", help = instead("SamplingSpec", "spp"), value_parser = clap::value_parser!(u64).range(1..=MAX_SPP))]
     pub spp: Option<u64>,
     /// Seed instead of the job's.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", help = instead("SamplingSpec", "seed"))]
     pub seed: Option<u64>,
-    /// Width and height in pixels instead of the job's, for example 480x270.
-    #[arg(long, value_name = "WxH", value_parser = parse_resolution)]
+    /// Width and height instead of the job's, pixels.
+    #[arg(long, value_name = "WxH", help = instead("FilmSpec", "resolution"), value_parser = parse_resolution)]
     pub resolution: Option<[u32; 2]>,
+}
+
+/// The help of an option that takes the place of one of the job's: what that one says of itself.
+fn instead(definition: &str, key: &str) -> String {
+    format!("Instead of the job's `{key}`: {}", about(definition, key))
 }
 
 fn parse_resolution(text: &str) -> Result<[u32; 2], String> {
@@ -339,6 +347,10 @@ pub struct PlanOptions {
     /// What would be rendered.
     #[command(flatten)]
     pub input: InputOptions,
+    /// Trace trial paths: predict what a path costs, find volumes that none of them meets, and
+    /// choose what decides about shadow rays, as a render does.
+    #[arg(long)]
+    pub predict: bool,
     /// Print JSON.
     #[arg(long)]
     pub json: bool,
@@ -401,15 +413,6 @@ the variance is that of one sample. `regular` is exact: it adds \"optical_depth\
     Transmittance(TransmittanceOptions),
 }
 
-/// Interpolation on the command line.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum InterpolationArgument {
-    /// The nearest voxel.
-    Nearest,
-    /// Linear along each axis.
-    Trilinear,
-}
-
 /// Options of `probe values`.
 #[derive(Debug, Args)]
 pub struct ValuesOptions {
@@ -422,8 +425,8 @@ pub struct ValuesOptions {
     #[arg(long, value_name = "POINTS.json")]
     pub points: PathBuf,
     /// How values between voxels are formed.
-    #[arg(long, value_enum, default_value_t = InterpolationArgument::Trilinear)]
-    pub interpolation: InterpolationArgument,
+    #[arg(long, value_name = "NAME", value_parser = by_name::<Interpolation>(), default_value = "trilinear")]
+    pub interpolation: Interpolation,
 }
 
 /// Options of `probe transmittance`.
@@ -440,9 +443,9 @@ pub struct TransmittanceOptions {
     /// Rays to follow, in world space.
     #[arg(long, value_name = "RAYS.json")]
     pub rays: PathBuf,
-    /// regular, delta, ratio, residual_ratio, next_flight, volterra, taylor, pseries_cumulative, pseries_cmf, bidirectional, unbiased_ray_marching, debiased_ray_marching or ray_marching (biased).
-    #[arg(long, value_name = "NAME")]
-    pub estimator: String,
+    /// The estimator.
+    #[arg(long, value_name = "NAME", value_parser = by_name::<Estimator>())]
+    pub estimator: Estimator,
     /// Samples per ray.
     #[arg(long, value_name = "N", default_value_t = 1024)]
     pub samples: u64,
@@ -450,8 +453,8 @@ pub struct TransmittanceOptions {
     #[arg(long, value_name = "K", default_value_t = 0)]
     pub seed: u64,
     /// How values between voxels are formed.
-    #[arg(long, value_enum, default_value_t = InterpolationArgument::Trilinear)]
-    pub interpolation: InterpolationArgument,
+    #[arg(long, value_name = "NAME", value_parser = by_name::<Interpolation>(), default_value = "trilinear")]
+    pub interpolation: Interpolation,
 }
 
 #[cfg(test)]

@@ -44,6 +44,7 @@ pub enum Failure {
     #[error(transparent)]
     Integrator(#[from] pileus_integrator::Error),
     /// From measuring images.
+    #[cfg(feature = "lab")]
     #[error(transparent)]
     Lab(#[from] pileus_lab::Error),
     /// The command line asks for something impossible.
@@ -86,18 +87,16 @@ impl Failure {
 
     /// The exit code of this kind of failure.
     pub fn exit(&self) -> Exit {
-        use pileus_film::Error as Film;
         match self {
             Self::Scene(error) => scene_exit(error),
             Self::Vdb(error) => vdb_exit(error),
             Self::Media(error) => media_exit(error),
-            Self::Film(error) | Self::Lab(pileus_lab::Error::Film(error)) => match error {
-                Film::Io { .. } | Film::Missing { .. } => Exit::Io,
-                Film::Unsupported { .. } => Exit::Unsupported,
-                _ => Exit::Invalid,
-            },
-            Self::Integrator(pileus_integrator::Error::Unsupported { .. }) => Exit::Unsupported,
-            Self::Integrator(_) | Self::Lab(_) => Exit::Invalid,
+            Self::Film(error) => film_exit(error),
+            #[cfg(feature = "lab")]
+            Self::Lab(pileus_lab::Error::Film(error)) => film_exit(error),
+            #[cfg(feature = "lab")]
+            Self::Lab(_) => Exit::Invalid,
+            Self::Integrator(_) => Exit::Invalid,
             Self::Usage { .. } => Exit::Usage,
             Self::Io { .. } | Self::Output(_) => Exit::Io,
             Self::Interrupted { exit, .. } => *exit,
@@ -111,6 +110,15 @@ impl Failure {
             Self::Usage { remedy, .. } => remedy,
             _ => "",
         }
+    }
+}
+
+fn film_exit(error: &pileus_film::Error) -> Exit {
+    use pileus_film::Error as Film;
+    match error {
+        Film::Io { .. } | Film::Missing { .. } => Exit::Io,
+        Film::Unsupported { .. } => Exit::Unsupported,
+        _ => Exit::Invalid,
     }
 }
 

@@ -3,6 +3,7 @@
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
+use pileus_scene::ByName;
 use pileus_scene::json::{Document, parse};
 use pileus_scene::phase_spec::{CosineSpec, PhaseSpec};
 use pileus_scene::volume::DefaultScale;
@@ -33,15 +34,15 @@ pub enum Kind {
 #[derive(Debug)]
 pub struct Input {
     /// The job.
-    pub job: Job,
+    pub(crate) job: Job,
     /// Its text, if it was read.
-    pub document: Option<Document>,
+    pub(crate) document: Option<Document>,
     /// The file that was named on the command line.
-    pub path: PathBuf,
+    pub(crate) path: PathBuf,
     /// The folder that names in the job are relative to.
-    pub base: PathBuf,
+    pub(crate) base: PathBuf,
     /// The extinction of a grid value of 1 that nobody specified.
-    pub default_scale: DefaultScale,
+    pub(crate) default_scale: DefaultScale,
 }
 
 /// What the command line says about a volume that is rendered without a job.
@@ -136,7 +137,7 @@ impl Input {
                         scale: options.density_scale,
                     }),
                     phase: Some(PhaseSpec::HenyeyGreenstein { g: CosineSpec::Constant(CLOUD_G) }),
-                    up_axis: options.up_axis,
+                    up_axis: options.up_axis.map(ByName),
                     ..VolumeSpec::default()
                 };
                 Ok(Self::made_up(

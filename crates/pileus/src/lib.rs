@@ -7,7 +7,6 @@ mod escape;
 pub mod failure;
 pub mod input;
 pub mod job;
-mod job_rules;
 mod machine;
 mod outputs;
 mod record;
@@ -15,6 +14,7 @@ pub mod report;
 pub mod schema;
 pub mod settings;
 pub mod validate;
+mod words;
 
 use std::process::ExitCode;
 
@@ -51,8 +51,10 @@ fn dispatch(arguments: &Arguments, report: &Report) -> Result<(), Failure> {
         Command::Check(options) => command::check::run(options, report),
         Command::Plan(options) => command::plan::run(options, report),
         Command::Schema(options) => command::schema::run(options, report),
+        #[cfg(feature = "lab")]
         Command::Compare(options) => command::compare::run(options, report),
         Command::Probe(options) => command::probe::run(options, report),
+        #[cfg(feature = "lab")]
         Command::Chart(options) => command::chart::run(options, report),
     })
 }

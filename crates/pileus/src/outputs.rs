@@ -41,8 +41,8 @@ impl Target {
     }
 }
 
-/// Refuses targets that are files which are read, or are each other, under whatever names (links are
-/// followed), and those that cannot be written.
+/// Refuses targets that are files which are read, or are each other, under whatever names (links
+/// are followed), and those that cannot be written.
 ///
 /// Whether they can is found out by trying: files of the size to come are made beside the targets
 /// and removed. What earlier runs left behind there when they were killed is removed as well.

@@ -4,6 +4,7 @@ use pileus_film::MetaValue;
 use pileus_integrator::{Counters, PathCost, Plan};
 use serde::Serialize;
 
+use crate::job::Job;
 use crate::machine;
 use crate::settings::Settings;
 
@@ -64,10 +65,10 @@ pub(crate) const VERSION: &str = env!("CARGO_PKG_VERSION");
 /// here depends on time or machine, so that equal renders give equal files.
 pub(crate) fn metadata(
     settings: &Settings,
+    (job, job_hash): (&Job, &str),
     plan: &Plan,
     counters: &Counters,
     samples: u64,
-    job_hash: &str,
 ) -> Vec<(String, MetaValue)> {
     let json =
         |value: Result<String, serde_json::Error>| MetaValue::Text(value.unwrap_or_default());
@@ -77,7 +78,7 @@ pub(crate) fn metadata(
     [
         ("software", text(format!("Pileus {VERSION}"))),
         ("pileus:version", text(VERSION.into())),
-        ("pileus:job", json(serde_json::to_string(&settings.job))),
+        ("pileus:job", json(serde_json::to_string(job))),
         ("pileus:job_hash", text(job_hash.into())),
         ("pileus:plan", json(serde_json::to_string(plan))),
         ("pileus:counters", json(serde_json::to_string(counters))),

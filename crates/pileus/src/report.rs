@@ -79,6 +79,11 @@ where
     }
 }
 
+/// Whether a pipe was closed by who read from it.
+fn had_enough(error: &io::Error) -> bool {
+    error.kind() == io::ErrorKind::BrokenPipe
+}
+
 impl Report {
     /// Sets up logging to standard error; `RUST_LOG` overrides `quiet` and `verbose`.
     pub fn new(quiet: bool, verbose: u8) -> Self {
@@ -111,6 +116,7 @@ impl Report {
         let exit = match (error.use_stderr(), printed) {
             (true, _) => Exit::Usage,
             (false, Ok(())) => Exit::Success,
+            (false, Err(error)) if had_enough(&error) => Exit::Success,
             (false, Err(_)) => Exit::Io,
         };
         ExitCode::from(exit as u8)
@@ -138,10 +144,14 @@ impl Report {
     /// Whether all results could be printed.
     ///
     /// # Errors
-    /// [`Failure::Output`] with what the system said first.
+    /// [`Failure::Output`] with what the system said first; none where who reads had enough
+    /// (`pileus info x | head`).
     pub fn finish(&self) -> Result<(), Failure> {
         let mut unwritten = self.unwritten.lock().unwrap_or_else(PoisonError::into_inner);
-        unwritten.take().map_or(Ok(()), |error| Err(Failure::Output(error)))
+        match unwritten.take() {
+            Some(error) if !had_enough(&error) => Err(Failure::Output(error)),
+            _ => Ok(()),
+        }
     }
 
     /// Prints why a command ended early, its chain of causes and what to do.
@@ -154,8 +164,6 @@ impl Report {
                 }
                 return;
             }
-            // Who reads had enough (`pileus info x | head`) and need not be told.
-            Failure::Output(error) if error.kind() == io::ErrorKind::BrokenPipe => return,
             _ => {}
         }
         if std::io::stderr().is_terminal() {

@@ -9,7 +9,7 @@ use std::cmp::Ordering;
 use pileus_scene::schema_rule::{LATER, ONE_RUN};
 use serde_json::{Map, Number, Value};
 
-use crate::job_rules::{EXR, FILE, MAJORANTS, PNG};
+use crate::job::rules::{EXR, FILE, MAJORANTS, PNG};
 
 /// What is wrong with a value, and where.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -22,12 +22,15 @@ pub struct Fault {
     pub remedy: String,
     /// Whether the value is legal, but not rendered by this version.
     pub later: bool,
+    /// Whether it is one item of a list that is too much: the place that a rule about the list
+    /// means.
+    surplus: bool,
 }
 
 impl Fault {
     fn new(pointer: &str, what: impl Into<String>, remedy: impl Into<String>) -> Self {
         let (what, remedy) = (what.into(), remedy.into());
-        Self { pointer: pointer.to_owned(), what, remedy, later: false }
+        Self { pointer: pointer.to_owned(), what, remedy, later: false, surplus: false }
     }
 }
 
@@ -60,7 +63,8 @@ impl Validator<'_> {
             match (comment.next(), comment.next()) {
                 (Some(what), Some(remedy)) => {
                     let later = comment.next() == Some(LATER);
-                    Fault { later, ..Fault::new(pointer, what, remedy) }
+                    let place = if fault.surplus { &fault.pointer } else { pointer };
+                    Fault { later, ..Fault::new(place, what, remedy) }
                 }
                 _ => fault,
             }
@@ -166,12 +170,19 @@ impl Validator<'_> {
             }
         }
         if let Some(schema) = keywords.get("contains") {
-            let fitting = items.iter().filter(|item| self.check(schema, item, "").is_ok());
-            let fitting = fitting.count() as u64;
+            let fits = |item: &&Value| self.check(schema, item, "").is_ok();
+            let fitting = items.iter().filter(fits).count() as u64;
             let (least, most) = (limit("minContains").unwrap_or(1), limit("maxContains"));
-            if fitting < least || most.is_some_and(|most| fitting > most) {
-                let what = format!("{fitting} values of the list are of a kind that it must have");
-                return Err(Fault::new(pointer, what, "see the job reference"));
+            let what = || format!("{fitting} values of the list are of a kind that it limits");
+            if fitting < least {
+                return Err(Fault::new(pointer, what(), "see the job reference"));
+            }
+            let most = most.and_then(|most| usize::try_from(most).ok());
+            let mut of_kind = items.iter().enumerate().filter(|(_, item)| fits(item));
+            if let Some((i, _)) = most.and_then(|most| of_kind.nth(most)) {
+                let place = format!("{pointer}/{i}");
+                let fault = Fault::new(&place, what(), "see the job reference");
+                return Err(Fault { surplus: true, ..fault });
             }
         }
         Ok(())
@@ -239,7 +250,8 @@ fn simple(keywords: &Map<String, Value>, value: &Value, pointer: &str) -> Result
         (keywords.get("pattern").and_then(Value::as_str), value)
         && let Err((what, remedy)) = fits(pattern, text)
     {
-        return Err(Fault::new(pointer, format!("{value} {what}"), remedy));
+        let later = what == HAS_FRAME;
+        return Err(Fault { later, ..Fault::new(pointer, format!("{value} {what}"), remedy) });
     }
     Ok(())
 }
@@ -339,6 +351,9 @@ fn in_range(keywords: &Map<String, Value>, number: &Number, pointer: &str) -> Re
     Ok(())
 }
 
+/// What is wrong with names in which later versions fill in a frame number.
+const HAS_FRAME: &str = "has a `#`";
+
 /// Whether a text fits a pattern of the schema; what is wrong and what to do if not. Patterns are
 /// those of the schema's rules, each with a function here; a test compares the two.
 fn fits(pattern: &str, text: &str) -> Result<(), (&'static str, &'static str)> {
@@ -346,7 +361,7 @@ fn fits(pattern: &str, text: &str) -> Result<(), (&'static str, &'static str)> {
     let name = text.rsplit('/').next().unwrap_or_default();
     let plain = !text.contains('\0') && !name.is_empty();
     let frame =
-        ("has a `#`", "name the file without it: no frame number is filled in by this version");
+        (HAS_FRAME, "name the file without it: no frame number is filled in by this version");
     let extension = |wanted: &str| {
         let dot = name.len().checked_sub(wanted.len() + 1).filter(|dot| *dot > 0);
         dot.and_then(|dot| Some((name.get(dot..dot + 1)?, name.get(dot + 1..)?)))

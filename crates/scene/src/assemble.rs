@@ -11,6 +11,7 @@ use crate::camera::{Camera, corners};
 use crate::environment::Environment;
 use crate::error::{Error, Place};
 use crate::gltf::{self, GltfCamera, GltfScene, GltfSurfaces};
+use crate::hint::Hint;
 use crate::light::Light;
 use crate::sky::default_sky;
 use crate::surface::{GlassRule, Surfaces};
@@ -95,6 +96,8 @@ pub struct Loaded {
     pub scene: Scene,
     /// What was chosen without being asked for, as sentences for people.
     pub notes: Vec<String>,
+    /// Which of these choices can be made otherwise, each once.
+    pub hints: Vec<Hint>,
     /// What is likely not meant so, as sentences for people.
     pub warnings: Vec<String>,
     /// The files that the scene is made of: the glTF file, its buffers and images, volumes, tables.
@@ -132,6 +135,11 @@ impl Scene {
         let (camera, note) = choose_camera(&request, file.as_ref(), &volumes, surfaces.as_ref())
             .map_err(|error| with_hint(error, lost.as_deref()))?;
         notes.extend(note);
+        let mut hints = std::mem::take(&mut loader.hints);
+        let cameras = file.as_ref().map_or(0, |file| file.cameras.len());
+        if cameras > 1 && matches!(request.camera, CameraRequest::Auto { .. }) {
+            hints.push(Hint::OtherCamera);
+        }
         match lost {
             // Surfaces may be all there is.
             Some(hint) if !nothing_seen => notes.push(hint),
@@ -172,6 +180,7 @@ impl Scene {
                 not_modelled,
             },
             notes,
+            hints,
             warnings,
             files,
             seconds_load: loader.seconds_load,
@@ -325,9 +334,9 @@ fn choose_camera(
             let Some(camera) = found.filter(|_| !name.is_empty()) else {
                 let names: Vec<String> = cameras.iter().map(label).collect();
                 let remedy = match (file, names.is_empty()) {
-                    (None, _) => "the job names no glTF scene; add `scene`".to_owned(),
+                    (None, _) => "there is no glTF scene that could have one".to_owned(),
                     (_, true) => {
-                        "the scene has no cameras; give `position` and `look_at`".to_owned()
+                        "the scene has no cameras: place one by where it stands and what it looks at".to_owned()
                     }
                     _ => format!("the scene's cameras are {}", gltf::list_names(&names)),
                 };
@@ -352,7 +361,7 @@ fn choose_camera(
                 return Err(Error::missing(
                     place.unwrap_or_default(),
                     "there is no camera, and no surface and no volume with an end that could be framed",
-                    "give the job a `camera` with `position` and `look_at`",
+                    "place a camera: where it stands and what it looks at",
                 ));
             };
             let Balls { centres, radius } = balls;
@@ -400,7 +409,7 @@ fn first_camera(
                 cameras.iter().map(label).filter(|other| *other != name).collect();
             note = format!(
                 "camera `{name}` is taken, the first of {} in the scene that can be rendered \
-                 (`--camera`, or `node` of the job's `camera`, takes another: {})",
+                 (there are also {})",
                 cameras.len(),
                 gltf::list_names(&others)
             );

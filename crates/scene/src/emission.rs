@@ -130,8 +130,8 @@ impl VolumeLoader {
         radiance: BlackbodyRadiance,
     ) -> Result<EmissionSource, Error> {
         let place = parts.place;
-        let TemperatureSpec { grid: name, scale, offset } = temperature;
-        let (scale, offset) = (scale.unwrap_or(1.0), offset.unwrap_or(0.0));
+        let name = &temperature.grid;
+        let (scale, offset) = (temperature.scale(), temperature.offset());
         for (number, range, key, what) in [
             (scale, 0.0..=1e30, "/emission/temperature/scale", "the temperature's scale"),
             (offset, -1e30..=1e30, "/emission/temperature/offset", "the temperature's offset"),

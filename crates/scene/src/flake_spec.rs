@@ -1,6 +1,7 @@
 //! What a user writes about media of flakes.
 
-use crate::volume_rules as rules;
+use crate::option::between;
+use crate::{options, volume_rules as rules};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -21,51 +22,45 @@ pub enum FlakeScatteringSpec {
 pub enum FlakeShapeSpec {
     /// In all directions alike. Takes no other keys.
     Isotropic,
-    /// Around a fibre: normals across an axis. Takes `axis` or `axis_grid`, `roughness` or `roughness_grid`.
+    /// Around a fibre: normals across an axis. Takes `axis` or `axis_grid`, `roughness` or
+    /// `roughness_grid`.
     Fibre,
     /// Of a surface: normals along an axis. Takes the same keys.
     Surface,
-    /// Any symmetric matrix S: the area shown to a unit direction w is the root of `w' S w`. Takes `diagonal` and `off_diagonal`, or a grid for both.
+    /// Any symmetric matrix S: the area shown to a unit direction w is the root of `w' S w`. Takes
+    /// `diagonal` and `off_diagonal`, or a grid for both.
     Matrix,
 }
 
-/// How the normals of flakes are distributed. Axes are those of the volume before its transform, and turn with it.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-#[schemars(extend("allOf" = rules::flakes()))]
-pub struct FlakeSpec {
-    /// Kind of distribution.
-    pub shape: FlakeShapeSpec,
-    /// The axis, of any length.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("examples" = [[0, 1, 0]]))]
-    #[schemars(extend("allOf" = [crate::schema_rule::direction()]))]
-    pub axis: Option<[f64; 3]>,
-    /// Grid of vectors with the axis; where it is 0, flakes are isotropic.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub axis_grid: Option<String>,
-    /// Area shown along a fibre or across a surface's normal, relative to the largest, 0.001 to 1.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("examples" = [0.1]))]
-    #[schemars(extend("minimum" = f64::from(pileus_media::flakes::MIN_ROUGHNESS), "maximum" = 1))]
-    pub roughness: Option<f64>,
-    /// Grid of numbers with the roughness; needs `axis_grid`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub roughness_grid: Option<String>,
-    /// Entries xx, yy, zz of the matrix.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("examples" = [[1, 1, 0.01]]))]
-    #[schemars(transform = rules::entries)]
-    pub diagonal: Option<[f64; 3]>,
-    /// Entries xy, xz, yz of the matrix; 0 if not given.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub off_diagonal: Option<[f64; 3]>,
-    /// Grid of vectors with xx, yy, zz; where all are 0, flakes are isotropic.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub diagonal_grid: Option<String>,
-    /// Grid of vectors with xy, xz, yz; needs `diagonal_grid`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub off_diagonal_grid: Option<String>,
+options! {
+    /// How the normals of flakes are distributed. Axes are those of the volume before its
+    /// transform, and turn with it.
+    #[schemars(extend("allOf" = rules::flakes()))]
+    pub struct FlakeSpec {
+        /// Kind of distribution.
+        required shape: FlakeShapeSpec;
+        /// The axis, of any length.
+        #[schemars(extend("examples" = [[0, 1, 0]]))]
+        #[schemars(extend("allOf" = [crate::schema_rule::direction()]))]
+        axis: [f64; 3];
+        /// Grid of vectors with the axis; where it is 0, flakes are isotropic.
+        axis_grid: String;
+        /// Area shown along a fibre or across a surface's normal, relative to the largest, 0.001 to
+        /// 1.
+        #[schemars(extend("examples" = [0.1]))]
+        roughness: f64, between(f64::from(pileus_media::flakes::MIN_ROUGHNESS), 1);
+        /// Grid of numbers with the roughness; needs `axis_grid`.
+        roughness_grid: String;
+        /// Entries xx, yy, zz of the matrix.
+        #[schemars(extend("examples" = [[1, 1, 0.01]]))]
+        diagonal: [f64; 3], rules::entries;
+        /// Entries xy, xz, yz of the matrix; 0 if not given.
+        off_diagonal: [f64; 3];
+        /// Grid of vectors with xx, yy, zz; where all are 0, flakes are isotropic.
+        diagonal_grid: String;
+        /// Grid of vectors with xy, xz, yz; needs `diagonal_grid`.
+        off_diagonal_grid: String;
+    }
 }
 
 impl FlakeSpec {

@@ -33,18 +33,39 @@ const TYPES: [(&str, &[&str]); 8] = [
     ),
 ];
 
-/// All flat keys of phase functions, each once.
-pub(crate) fn flat_phase_keys() -> Vec<&'static str> {
-    let mut keys = vec!["pileus_phase"];
-    for key in TYPES.iter().flat_map(|(_, keys)| *keys) {
-        if !keys.contains(key) {
-            keys.push(key);
-        }
-    }
-    keys
+/// What the flat keys of phase functions mean.
+const MEANINGS: [(&str, &str); 19] = [
+    (
+        "pileus_phase",
+        "the angular law of scattering: `isotropic`, `henyey_greenstein`, `two_lobe`, `rayleigh`, `draine`, `mie`, `tabulated`, `sggx`; default: that which has the keys given",
+    ),
+    ("pileus_g", "of `henyey_greenstein` and `draine`: between -1 and 1; above 0 scatters forward"),
+    ("pileus_g_grid", "of `henyey_greenstein`: a grid of mean cosines"),
+    ("pileus_g_scale", "factor on that grid; default 1"),
+    ("pileus_g_offset", "mean cosine where that grid is 0; default 0"),
+    ("pileus_g_forward", "of `two_lobe`: mean cosine of the first lobe"),
+    ("pileus_g_backward", "of `two_lobe`: mean cosine of the second lobe"),
+    ("pileus_weight_forward", "of `two_lobe`: share of the first lobe, 0 to 1"),
+    ("pileus_alpha", "of `draine`: weight of the squared cosine, 0 to 1000000"),
+    ("pileus_droplet_diameter", "of `mie`: diameter of the droplets in micrometres, 0.01 to 50"),
+    ("pileus_phase_file", "of `tabulated`: a text file of angles in degrees and values"),
+    ("pileus_flakes", "of `sggx`: `specular` or `diffuse` flakes; default `specular`"),
+    ("pileus_flake_shape", "of `sggx`: `isotropic`, `fibre`, `surface` or `matrix`"),
+    ("pileus_flake_axis", "of `fibre` and `surface`: the axis, of any length"),
+    ("pileus_flake_axis_grid", "a grid of vectors with the axis"),
+    ("pileus_flake_roughness", "of `fibre` and `surface`: 0.001 to 1"),
+    ("pileus_flake_roughness_grid", "a grid of numbers with the roughness"),
+    ("pileus_flake_diagonal_grid", "of `matrix`: a grid of vectors with xx, yy, zz"),
+    ("pileus_flake_off_diagonal_grid", "of `matrix`: a grid of vectors with xy, xz, yz"),
+];
+
+/// All flat keys of phase functions, each once, and what each means.
+pub(crate) fn flat_phase_keys() -> impl Iterator<Item = (&'static str, &'static str)> {
+    MEANINGS.into_iter()
 }
 
-/// The phase function that flat keys describe: of the type that `pileus_phase` names, or of the first type that has one of the keys given.
+/// The phase function that flat keys describe: of the type that `pileus_phase` names, or of the
+/// first type that has one of the keys given.
 pub(crate) fn flat_phase(flat: &Flat<'_>, base: &Path) -> Result<Option<PhaseSpec>, Error> {
     let names = || TYPES.iter().map(|(name, _)| *name);
     let (name, keys) = match flat.text("pileus_phase")? {
@@ -173,6 +194,18 @@ fn mean_cosine(flat: &Flat<'_>) -> Result<Option<CosineSpec>, Error> {
 
 #[cfg(test)]
 mod tests {
+    /// The keys that types have are those that have a meaning.
+    #[test]
+    fn keys_have_a_meaning() {
+        let of_types = super::TYPES.iter().flat_map(|(_, keys)| *keys).copied();
+        let mut keys: Vec<&str> = of_types.chain(["pileus_phase"]).collect();
+        keys.sort_unstable();
+        keys.dedup();
+        let mut known: Vec<&str> = super::flat_phase_keys().map(|(key, _)| key).collect();
+        known.sort_unstable();
+        assert_eq!(keys, known);
+    }
+
     use super::*;
     use crate::gltf::parse;
 

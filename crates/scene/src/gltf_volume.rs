@@ -4,6 +4,7 @@ use std::path::Path;
 
 use serde_json::{Map, Value};
 
+use crate::by_name::ByName;
 use crate::error::{Error, Place};
 use crate::gltf_phase::{flat_phase, flat_phase_keys};
 use crate::json::{Document, nearest};
@@ -21,31 +22,35 @@ const NESTED: &str = "pileus_volume";
 /// Key of `extras` under which three.js keeps the extensions that it does not know.
 pub(crate) const KEPT: &str = "gltfExtensions";
 
-/// Flat keys of `extras`, what Blender writes from an object's custom properties, but for those of phase functions.
-const FLAT: [&str; 19] = [
-    "pileus_vdb",
-    "pileus_frame",
-    "pileus_grid",
-    "pileus_density_scale",
-    "pileus_albedo",
-    "pileus_extinction",
-    "pileus_law",
-    "pileus_law_k",
-    "pileus_law_h",
-    "pileus_law_c",
-    "pileus_law_n",
-    "pileus_law_file",
-    "pileus_temperature_grid",
-    "pileus_temperature_scale",
-    "pileus_emission_intensity",
-    "pileus_emission_grid",
-    "pileus_emission_color",
-    "pileus_emission_scale",
-    "pileus_up_axis",
+/// Flat keys of `extras`, what Blender writes from an object's custom properties, and what each
+/// means; those of phase functions stand with their types.
+const FLAT: [(&str, &str); 19] = [
+    ("pileus_vdb", "path of the OpenVDB file, relative to the glTF file"),
+    ("pileus_frame", "the frame number that replaces `#` in the name of that file"),
+    ("pileus_grid", "name of the density grid; default `density`, or the only fog volume"),
+    ("pileus_density_scale", "extinction per scene unit where the grid is 1; default 1"),
+    ("pileus_albedo", "single-scattering albedo, a number or a colour; default 0.999"),
+    ("pileus_extinction", "extinction of the channels relative to each other; default 1"),
+    (
+        "pileus_law",
+        "how light gets through: `exponential`, `power`, `davis_weinstein`, `erlang`, `linear`, `table`",
+    ),
+    ("pileus_law_k", "of `power`: above 1"),
+    ("pileus_law_h", "of `davis_weinstein`: above 0.5 and at most 1"),
+    ("pileus_law_c", "of `davis_weinstein`: above 0"),
+    ("pileus_law_n", "of `erlang`: a whole number from 2 to 64"),
+    ("pileus_law_file", "of `table`: a text file of optical depths and transmittances"),
+    ("pileus_temperature_grid", "a grid of temperatures: the volume glows as a black body"),
+    ("pileus_temperature_scale", "kelvin per unit of that grid; default 1"),
+    ("pileus_emission_intensity", "factor on the black body's radiance; default 1"),
+    ("pileus_emission_grid", "a grid of radiance per scene unit, numbers or colours"),
+    ("pileus_emission_color", "colour of that light; default 1, 1, 1"),
+    ("pileus_emission_scale", "factor on that light; default 1"),
+    ("pileus_up_axis", "`y`, or `z` for files written by Blender; default `y`"),
 ];
 
-/// The names of all flat keys.
-pub(crate) fn flat_keys() -> Vec<&'static str> {
+/// All flat keys, and what each means.
+pub(crate) fn flat_keys() -> Vec<(&'static str, &'static str)> {
     FLAT.into_iter().chain(flat_phase_keys()).collect()
 }
 
@@ -101,7 +106,7 @@ pub(crate) struct Flat<'a> {
 impl Flat<'_> {
     fn volume(&self, base: &Path) -> Result<Option<VolumeSpec>, Error> {
         let mut any = false;
-        let known = flat_keys();
+        let known: Vec<&str> = flat_keys().into_iter().map(|(key, _)| key).collect();
         for key in self.extras.keys().filter(|key| key.starts_with("pileus_")) {
             any = true;
             if !known.contains(&key.as_str()) {
@@ -141,7 +146,7 @@ impl Flat<'_> {
             phase: flat_phase(self, base)?,
             law: self.law(base)?,
             emission: self.emission()?,
-            up_axis,
+            up_axis: up_axis.map(ByName),
             ..VolumeSpec::default()
         }))
     }
@@ -181,7 +186,8 @@ impl Flat<'_> {
                 return Err(self.wrong("pileus_law", expected));
             }
         };
-        for key in FLAT.into_iter().filter(|key| key.starts_with("pileus_law_")) {
+        let keys = FLAT.into_iter().map(|(key, _)| key);
+        for key in keys.filter(|key| key.starts_with("pileus_law_")) {
             if self.extras.contains_key(key) && !own.contains(&key) {
                 return Err(Error::invalid(
                     self.place(key),

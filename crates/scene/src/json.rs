@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 
 use serde::de::{DeserializeOwned, IgnoredAny};
 
+use crate::by_name::LATER;
 use crate::error::{Error, Place};
 
 /// A JSON text and the name of its file, able to tell where each value stands.
@@ -27,6 +28,8 @@ pub struct Fault {
     pub what: String,
     /// What to do about it; may be empty.
     pub remedy: String,
+    /// Whether the value is one of the format's that this version does not render.
+    pub later: bool,
 }
 
 impl Document {
@@ -86,7 +89,10 @@ impl Document {
     /// The error that a fault in this document is.
     pub fn error(&self, fault: Fault) -> Error {
         let place = self.place_at(&fault.pointer, fault.span.start);
-        Error::invalid(place, fault.what, fault.remedy)
+        match fault.later {
+            true => Error::unsupported(place, fault.what, fault.remedy),
+            false => Error::invalid(place, fault.what, fault.remedy),
+        }
     }
 
     fn place_at(&self, pointer: &str, offset: usize) -> Place {
@@ -265,7 +271,8 @@ fn syntax_fault(text: &str, error: &serde_json::Error) -> Fault {
         (format!("this is not JSON: {message}"), "check commas, quotes and brackets here")
     };
     let pointer = String::new();
-    Fault { pointer, span: offset..(offset + 1).min(text.len()), what, remedy: remedy.into() }
+    let span = offset..(offset + 1).min(text.len());
+    Fault { pointer, span, what, remedy: remedy.into(), later: false }
 }
 
 fn data_fault(text: &str, error: &serde_path_to_error::Error<serde_json::Error>) -> Fault {
@@ -282,7 +289,15 @@ fn data_fault(text: &str, error: &serde_path_to_error::Error<serde_json::Error>)
     let mut remedy = String::new();
     let mut span = None;
     let names: Vec<String> = quoted(&message);
-    if let Some((name, known)) = names.split_first().filter(|_| message.starts_with("unknown ")) {
+    let later = message.contains(LATER);
+    if later {
+        if let Some((what, known)) = message.split_once("; ") {
+            remedy = known.to_owned();
+            message = what.to_owned();
+        }
+    } else if let Some((name, known)) =
+        names.split_first().filter(|_| message.starts_with("unknown "))
+    {
         let is_key = message.starts_with("unknown field");
         if is_key {
             if segments.last().is_some_and(|last| last == name) {
@@ -322,7 +337,7 @@ fn data_fault(text: &str, error: &serde_path_to_error::Error<serde_json::Error>)
     let span = span
         .or_else(|| locate_segments(text, &segments).map(|spans| spans.value))
         .unwrap_or(0..text.len().min(1));
-    Fault { pointer: pointer_of(&segments), span, what: message, remedy }
+    Fault { pointer: pointer_of(&segments), span, what: message, remedy, later }
 }
 
 /// What serde calls a type, for people.
@@ -520,7 +535,7 @@ fn find_key(text: &str, below: &[String], name: &str) -> Option<Vec<String>> {
     search(text, below, |key, _| key == name)
 }
 
-/// Likewise for "invalid type: string "abc", expected ...": the scalar that reads so.
+/// The path of the scalar that a message speaks of: for "invalid type: string "abc", expected ..." the one that reads so.
 fn find_unexpected(text: &str, below: &[String], message: &str) -> Option<Vec<String>> {
     let unexpected =
         message.strip_prefix("invalid type: ").or(message.strip_prefix("invalid value: "))?;

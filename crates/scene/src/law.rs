@@ -31,7 +31,7 @@ pub(crate) fn law(
             for (i, component) in components.iter().enumerate() {
                 laws.push(Component {
                     weight: component.weight,
-                    rate: component.rate.unwrap_or(1.0),
+                    rate: component.rate(),
                     law: single(&component.law, &format!("/law_mixture/{i}/law"), place)?,
                 });
             }

@@ -3,6 +3,7 @@
 
 mod assemble;
 pub mod bsdf;
+pub mod by_name;
 pub mod camera;
 mod emission;
 pub mod environment;
@@ -22,10 +23,12 @@ mod gltf_phase;
 mod gltf_pose;
 mod gltf_texture;
 mod gltf_volume;
+mod hint;
 mod image_guard;
 pub mod json;
 mod law;
 pub mod light;
+pub mod option;
 mod phase;
 pub mod phase_spec;
 mod radiance_hdr;
@@ -40,9 +43,11 @@ pub mod whole;
 
 pub use assemble::{CameraRequest, Loaded, Scene, SceneRequest};
 pub use bsdf::{Bsdf, BsdfSample};
+pub use by_name::ByName;
 pub use camera::Camera;
 pub use environment::{EnvSample, Environment, EnvironmentImage};
 pub use error::{Error, Place};
+pub use hint::Hint;
 pub use light::{Light, Point, Spot, Sun};
 pub use sky::{ClearSky, SkyFault, default_sky};
 pub use surface::{

@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::fmt;
 
 use crate::flake_spec::{FlakeScatteringSpec, FlakeSpec};
-use crate::volume_rules as rules;
+use crate::{options, volume_rules as rules};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::{self, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -13,7 +13,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "type", rename_all = "snake_case", deny_unknown_fields)]
 pub enum PhaseSpec {
-    /// The same in all directions.
+    /// Equal in all directions.
     Isotropic {},
     /// Henyey and Greenstein 1941.
     HenyeyGreenstein {
@@ -45,23 +45,26 @@ pub enum PhaseSpec {
     Rayleigh {},
     /// Draine 2003: Henyey and Greenstein times `1 + alpha cos^2`.
     Draine {
-        /// Parameter of the Henyey-Greenstein factor between -1 and 1 without its ends; not the mean cosine.
+        /// Parameter of the Henyey-Greenstein factor between -1 and 1 without its ends; not the
+        /// mean cosine.
         #[schemars(transform = rules::cosine)]
         g: f64,
-        /// Weight of the squared cosine, 0 to 1000000; 0 is Henyey-Greenstein, 1 with `g` 0 is Rayleigh.
+        /// Weight of the squared cosine, 0 to 1000000; 0 is Henyey-Greenstein, 1 with `g` 0 is
+        /// Rayleigh.
         #[schemars(extend("minimum" = 0, "maximum" = 1e6))]
         alpha: f64,
     },
-    /// Water droplets of clouds and fog: Henyey-Greenstein and Draine fitted to Mie theory (Jendersie
-    /// and d'Eon 2023). Has neither fog bow nor glory; `tabulated` may.
+    /// Water droplets of clouds and fog: Henyey-Greenstein and Draine fitted to Mie theory
+    /// (Jendersie and d'Eon 2023). Has neither fog bow nor glory; `tabulated` may.
     Mie {
         /// Diameter of the droplets in micrometres, 0.01 to 50.
         #[schemars(extend("examples" = [10]))]
         #[schemars(extend("minimum" = 0.01, "maximum" = 50))]
         droplet_diameter: f64,
     },
-    /// Small flakes [Jakob et al. 2010] with normals by the SGGX distribution [Heitz et al. 2015]. The extinction depends on direction: it is the
-    /// density times the area that flakes show, 1 where all face the ray.
+    /// Small flakes [Jakob et al. 2010] with normals by the SGGX distribution [Heitz et al. 2015].
+    /// The extinction depends on direction: it is the density times the area that flakes show, 1
+    /// where all face the ray.
     Sggx {
         /// How a flake scatters.
         #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -73,49 +76,44 @@ pub enum PhaseSpec {
     /// A table of measured or computed values.
     Tabulated {
         /// A text file with an angle in degrees and a value in each line, separated by a comma or
-        /// blanks; `#` begins a comment. Angles ascend from 0 (forward) to 180; linear in the cosine
-        /// between lines. Values are relative: the table is normalised. Relative to the file that names it.
+        /// blanks; `#` begins a comment. Angles ascend from 0 (forward) to 180; linear in the
+        /// cosine between lines. Values are relative: the table is normalised. Relative to the file
+        /// that names it.
         #[schemars(extend("examples" = ["water_10um.csv"]))]
         file: String,
     },
 }
 
-/// A lobe of a mixture.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct LobeSpec {
-    /// Relative to the other weights; at least 0.
-    #[schemars(transform = rules::factor)]
-    pub weight: f64,
-    /// The lobe.
-    pub phase: PhaseSpec,
+options! {
+    /// A lobe of a mixture.
+    pub struct LobeSpec {
+        /// Relative to the other weights; at least 0.
+        required weight: f64, rules::factor;
+        /// The lobe.
+        required phase: PhaseSpec;
+    }
 }
 
 /// A mean cosine.
 #[derive(Debug, Clone, PartialEq)]
 pub enum CosineSpec {
-    /// The same everywhere.
+    /// One cosine everywhere.
     Constant(f64),
     /// From a grid of the same file.
     Grid(CosineGridSpec),
 }
 
-/// A mean cosine by a grid of the same file: `scale * value + offset`, clamped to -0.999 and 0.999.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct CosineGridSpec {
-    /// Name of a grid of numbers.
-    pub grid: String,
-    /// Factor.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("default" = 1))]
-    #[schemars(transform = rules::offset)]
-    pub scale: Option<f64>,
-    /// The mean cosine where the grid is 0.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("default" = 0))]
-    #[schemars(transform = rules::offset)]
-    pub offset: Option<f64>,
+options! {
+    /// A mean cosine by a grid of the same file: `scale * value + offset`, clamped to -0.999 and
+    /// 0.999.
+    pub struct CosineGridSpec {
+        /// Name of a grid of numbers.
+        required grid: String;
+        /// Factor.
+        scale: f64 = 1.0, rules::offset;
+        /// The mean cosine where the grid is 0.
+        offset: f64 = 0.0, rules::offset;
+    }
 }
 
 impl PhaseSpec {
@@ -146,7 +144,8 @@ impl Serialize for CosineSpec {
     }
 }
 
-/// Visits a number or an object; an untagged enum would do the same, but could not say what is wrong.
+/// Visits a number or an object; an untagged enum would do the same, but could not say what is
+/// wrong.
 struct CosineVisitor;
 
 impl<'de> Visitor<'de> for CosineVisitor {

@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use percent_encoding::percent_decode_str;
+
 use crate::error::{Error, Place};
 
 /// The path that a plain file name means, relative to the folder of the file that names it.
@@ -41,8 +43,7 @@ pub fn resolve_uri(base: &Path, uri: &str, place: &Place) -> Result<PathBuf, Err
             "name a file relative to the glTF file",
         ));
     }
-    let decoded = percent_decoded(uri.as_bytes(), true).and_then(|b| String::from_utf8(b).ok());
-    let path = decoded.map(|name| resolve_path(base, &name));
+    let path = percent_decoded(uri).map(|name| resolve_path(base, &name));
     match path {
         Some(path) if !uri.contains('%') || exists(&path) => Ok(path),
         path => {
@@ -70,31 +71,16 @@ fn is_scheme_byte(byte: u8) -> bool {
     byte.is_ascii_alphanumeric() || b"+-.".contains(&byte)
 }
 
-/// The bytes that a percent-encoded text stands for. Escapes that are broken are an error if
-/// `strict`, else they stand for themselves; so does the byte 0, which no name of a file has.
-fn percent_decoded(text: &[u8], strict: bool) -> Option<Vec<u8>> {
-    let mut bytes = Vec::with_capacity(text.len());
-    let mut at = 0;
-    while let Some(&byte) = text.get(at) {
-        let digit = |at: usize| text.get(at).and_then(|&b| char::from(b).to_digit(16));
-        let escaped = (byte == b'%')
-            .then(|| digit(at + 1).zip(digit(at + 2)))
-            .flatten()
-            .and_then(|(high, low)| u8::try_from(high * 16 + low).ok());
-        match escaped {
-            Some(0) if strict => return None,
-            Some(escaped) => {
-                bytes.push(escaped);
-                at += 3;
-            }
-            None if byte == b'%' && strict => return None,
-            None => {
-                bytes.push(byte);
-                at += 1;
-            }
-        }
+/// The text that a percent-encoded one stands for; `None` if an escape is broken, stands for the
+/// byte 0, which no name of a file has, or if the result is not UTF-8.
+fn percent_decoded(text: &str) -> Option<String> {
+    let bytes: Vec<u8> = percent_decode_str(text).collect();
+    // Broken escapes are left as they are, others get shorter by two bytes.
+    let escapes = text.bytes().filter(|byte| *byte == b'%').count();
+    if text.len() - bytes.len() != 2 * escapes || bytes.contains(&0) {
+        return None;
     }
-    Some(bytes)
+    String::from_utf8(bytes).ok()
 }
 
 /// What follows `data:` in a URI, if it is one; schemes are written in any case.
@@ -118,10 +104,8 @@ pub(crate) fn decode_data_uri(rest: &str) -> Result<Vec<u8>, String> {
     let Some((head, data)) = rest.split_once(',') else {
         return Err("the data URI has no comma before its data".into());
     };
-    let mut bytes = match data.contains('%') {
-        true => percent_decoded(data.as_bytes(), false).unwrap_or_default(),
-        false => data.as_bytes().to_vec(),
-    };
+    // Escapes that are broken stand for themselves.
+    let mut bytes: Vec<u8> = percent_decode_str(data).collect();
     let is_base64 =
         head.rsplit_once(';').is_some_and(|(_, last)| last.trim().eq_ignore_ascii_case("base64"));
     if !is_base64 {

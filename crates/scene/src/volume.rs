@@ -13,16 +13,18 @@ use pileus_media::{
 };
 use pileus_vdb::{GridClass, GridInfo, MetaValue, Tree, ValueType, Values, VdbFile};
 
+use crate::by_name::ByName;
 use crate::camera::corners;
 use crate::emission::EmissionParts;
 use crate::error::{Error, Place};
 use crate::flakes::FlakeGrids;
+use crate::hint::Hint;
 use crate::law::law;
 use crate::phase_spec::{CosineSpec, PhaseSpec};
 use crate::uri::with_frame;
 use crate::volume_spec::{
-    AlbedoSpec, DEFAULT_ALBEDO, DensitySpec, EmissionSpec, HomogeneousSpec, InterpolationSpec,
-    RampNodeSpec, Rgb, TransformSpec, UpAxis, VolumeSpec,
+    AlbedoSpec, DEFAULT_ALBEDO, DensitySpec, EmissionSpec, HomogeneousSpec, RampNodeSpec, Rgb,
+    TransformSpec, UpAxis, VolumeSpec,
 };
 
 /// A volume of the scene: a medium in world space and where it came from.
@@ -95,6 +97,8 @@ pub struct VolumeLoader {
     albedos: HashMap<(PathBuf, usize, String), Arc<ColorGrid>>,
     /// What was chosen without being asked for, as sentences for people.
     pub notes: Vec<String>,
+    /// Which of these choices can be made otherwise.
+    pub hints: Vec<Hint>,
     /// Seconds spent in reading files so far.
     pub seconds_load: f64,
     /// Seconds spent in building render grids so far.
@@ -139,17 +143,7 @@ impl VolumeLoader {
         placement: DAffine3,
     ) -> Result<Volume, Error> {
         let (spec, place) = (request.spec, request.place);
-        let interpolation = match spec.interpolation {
-            None | Some(InterpolationSpec::Trilinear) => Interpolation::Trilinear,
-            Some(InterpolationSpec::Nearest) => Interpolation::Nearest,
-            Some(InterpolationSpec::Tricubic) => {
-                return Err(Error::unsupported(
-                    place("/interpolation"),
-                    "interpolation `tricubic` is not rendered by this version",
-                    "use \"trilinear\" or \"nearest\"",
-                ));
-            }
-        };
+        let ByName(interpolation) = spec.interpolation();
         let path = PathBuf::from(with_frame(vdb, spec.frame, &place("/vdb"))?);
         if let Some(frame) = spec.frame
             && path == Path::new(vdb)
@@ -269,14 +263,20 @@ impl VolumeLoader {
             })
             .collect();
         self.note(format!(
-            "{}: {} grids are named `{}`, of which `{}` is taken: {} (`--grid` or `density` of the \
-             volume takes another)",
+            "{}: {} grids are named `{}`, of which `{}` is taken: {}",
             path.display(),
             alike.len(),
             taken.name,
             taken.full_name(),
             described.join(", ")
         ));
+        self.hint(Hint::OtherGrid);
+    }
+
+    fn hint(&mut self, hint: Hint) {
+        if !self.hints.contains(&hint) {
+            self.hints.push(hint);
+        }
     }
 
     /// Hints at files in which z is up, as in Blender: their plumes lie on their side.
@@ -302,11 +302,11 @@ impl VolumeLoader {
         if tall && lies {
             self.note(format!(
                 "volume `{}`: the box of `{}` is tallest along z ({x:.3} x {y:.3} x {z:.3}); if it lies \
-                 on its side, z is up in the file: `--up-axis z`, `up_axis` of the volume, or the \
-                 custom property `pileus_up_axis`",
+                 on its side, z is up in the file",
                 name(request),
                 info.full_name()
             ));
+            self.hint(Hint::ZIsUp);
         }
     }
 
@@ -841,7 +841,7 @@ fn placement(
     to_world: &DAffine3,
     place: &dyn Fn(&str) -> Place,
 ) -> Result<DAffine3, Error> {
-    let up = match spec.up_axis.unwrap_or_default() {
+    let up = match spec.up_axis().0 {
         UpAxis::Y => DAffine3::IDENTITY,
         // (x, y, z) to (x, z, -y)
         UpAxis::Z => DAffine3::from_mat3(DMat3::from_cols(DVec3::X, DVec3::NEG_Z, DVec3::Y)),

@@ -4,8 +4,11 @@
 use std::borrow::Cow;
 use std::fmt;
 
+use crate::by_name::ByName;
+use crate::option::{above, at_least, at_most, below, pattern};
 use crate::phase_spec::PhaseSpec;
-use crate::{volume_rules as rules, whole};
+use crate::{options, volume_rules as rules, whole};
+use pileus_media::{Interpolation, Named};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::{self, MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -13,81 +16,58 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 /// Albedo of a volume that does not name one.
 pub const DEFAULT_ALBEDO: f64 = 0.999;
 
-/// One volume: grids of an OpenVDB file, or a homogeneous medium.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-#[schemars(extend("allOf" = rules::volume()))]
-pub struct VolumeSpec {
-    /// Name for messages and metadata. Default: the name of the file.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub name: Option<String>,
-    /// The OpenVDB file, relative to the file that names it. A run of `#` stands for the frame
-    /// number, padded with zeros to the length of the run. Either this or `homogeneous` is needed.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("examples" = ["cumulus.vdb", "smoke.####.vdb"]))]
-    #[schemars(extend("pattern" = crate::schema_rule::ONE_RUN))]
-    pub vdb: Option<String>,
-    /// The frame number that replaces `#` in `vdb`.
-    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "whole::option")]
-    pub frame: Option<i64>,
-    /// Which grid gives the density and how much extinction it means.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub density: Option<DensitySpec>,
-    /// Extinction of the channels relative to each other; a number means grey.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("default" = 1))]
-    #[schemars(transform = rules::at_most(1e30))]
-    pub extinction: Option<Rgb>,
-    /// Single-scattering albedo between 0 and 1: per channel, grey, or a grid.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("default" = DEFAULT_ALBEDO))]
-    pub albedo: Option<AlbedoSpec>,
-    /// The angular law of scattering.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("default" = {"type": "isotropic"}))]
-    pub phase: Option<PhaseSpec>,
-    /// How light gets through: transmittance as a function of optical depth.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("default" = {"type": "exponential"}))]
-    pub law: Option<LawSpec>,
-    /// A weighted sum of laws instead of `law`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("minItems" = 1, "maxItems" = 64))]
-    pub law_mixture: Option<Vec<LawComponentSpec>>,
-    /// Light that the volume gives off.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub emission: Option<EmissionSpec>,
-    /// How values between voxels are formed.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("default" = "trilinear"))]
-    #[schemars(extend("not" = {"const": "tricubic"}))]
-    pub interpolation: Option<InterpolationSpec>,
-    /// Placement, applied after the grid's own transform (and after `up_axis`).
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub transform: Option<TransformSpec>,
-    /// The axis that points up in the OpenVDB file; `z` maps its (x, y, z) to (x, z, -y).
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("default" = "y"))]
-    pub up_axis: Option<UpAxis>,
-    /// The same extinction everywhere instead of a grid.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub homogeneous: Option<HomogeneousSpec>,
+options! {
+    /// One volume: grids of an OpenVDB file, or a homogeneous medium.
+    #[derive(Default)]
+    #[schemars(extend("allOf" = rules::volume()))]
+    pub struct VolumeSpec {
+        /// Name for messages and metadata. Default: the name of the file.
+        name: String;
+        /// The OpenVDB file, relative to the file that names it. A run of `#` stands for the frame
+        /// number, padded with zeros to the length of the run. Either this or `homogeneous` is
+        /// needed.
+        #[schemars(extend("examples" = ["cumulus.vdb", "smoke.####.vdb"]))]
+        vdb: String, pattern(crate::schema_rule::ONE_RUN);
+        /// The frame number that replaces `#` in `vdb`.
+        #[serde(deserialize_with = "whole::option")]
+        frame: i64;
+        /// Which grid gives the density and how much extinction it means.
+        density: DensitySpec;
+        /// Extinction of the channels relative to each other; a number means grey.
+        extinction: Rgb = Rgb::Grey(1.0), rules::at_most(1e30);
+        /// Single-scattering albedo between 0 and 1: per channel, grey, or a grid.
+        albedo: AlbedoSpec = AlbedoSpec::Constant(Rgb::Grey(DEFAULT_ALBEDO));
+        /// The angular law of scattering.
+        phase: PhaseSpec = PhaseSpec::Isotropic {};
+        /// How light gets through: transmittance as a function of optical depth.
+        law: LawSpec = LawSpec::Exponential {};
+        /// A weighted sum of laws instead of `law`.
+        #[schemars(extend("minItems" = 1, "maxItems" = 64))]
+        law_mixture: Vec<LawComponentSpec>;
+        /// Light that the volume gives off.
+        emission: EmissionSpec;
+        /// How values between voxels are formed.
+        interpolation: ByName<Interpolation> = ByName(Interpolation::Trilinear);
+        /// Placement, applied after the grid's own transform (and after `up_axis`).
+        transform: TransformSpec;
+        /// The axis that points up in the OpenVDB file; `z` maps its (x, y, z) to (x, z, -y).
+        up_axis: ByName<UpAxis> = ByName(UpAxis::Y);
+        /// Extinction that is the same everywhere, instead of a grid.
+        homogeneous: HomogeneousSpec;
+    }
 }
 
-/// Density: `sigma_t = scale * value * extinction`, per scene unit.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct DensitySpec {
-    /// Name of a float grid, or `name[i]` for the i-th of that name. Default: `density` if there
-    /// is one, else the only fog volume of the file.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("examples" = ["density", "density[1]"]))]
-    pub grid: Option<String>,
-    /// Extinction per scene unit where the grid has the value 1; at least 0.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("default" = 1))]
-    #[schemars(transform = rules::factor)]
-    pub scale: Option<f64>,
+options! {
+    /// Density: `sigma_t = scale * value * extinction`, per scene unit.
+    #[derive(Default)]
+    pub struct DensitySpec {
+        /// Name of a float grid, or `name[i]` for the i-th of that name. Default: `density` if
+        /// there is one, else the only fog volume of the file.
+        #[schemars(extend("examples" = ["density", "density[1]"]))]
+        grid: String;
+        /// Extinction per scene unit where the grid has the value 1; at least 0.
+        scale: f64 = 1.0, rules::factor;
+    }
 }
 
 /// Largest number of a colour, what single precision has.
@@ -96,7 +76,7 @@ pub const LARGEST_COLOR: f64 = 3.4e38;
 /// A number for all channels, or one per channel (linear Rec. 709).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Rgb {
-    /// The same for all channels.
+    /// One number for all channels.
     Grey(f64),
     /// Red, green and blue.
     Channels([f64; 3]),
@@ -115,15 +95,15 @@ impl Rgb {
 /// Single-scattering albedo.
 #[derive(Debug, Clone, PartialEq)]
 pub enum AlbedoSpec {
-    /// The same everywhere.
+    /// One albedo everywhere.
     Constant(Rgb),
     /// The values of a grid of the same file.
     Grid(String),
 }
 
-/// A transmittance law: `T(tau)` between places that have nothing to do with the volume's particles.
-/// Rays that start at one of them follow `T'(tau) / T'(0)`, so that transport conserves energy and is
-/// reciprocal.
+/// A transmittance law: `T(tau)` between places that have nothing to do with the volume's
+/// particles. Rays that start at one of them follow `T'(tau) / T'(0)`, so that transport conserves
+/// energy and is reciprocal.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "type", rename_all = "snake_case", deny_unknown_fields)]
 pub enum LawSpec {
@@ -157,30 +137,28 @@ pub enum LawSpec {
     Linear {},
     /// Through the points of a file.
     Table {
-        /// A text file: an optical depth and a transmittance on each line, from `0, 1` on, falling and
-        /// convex; `#` begins a comment. Where the last transmittance is not 0 the rest is exponential.
+        /// A text file: an optical depth and a transmittance on each line, from `0, 1` on, falling
+        /// and convex; `#` begins a comment. Where the last transmittance is not 0 the rest is
+        /// exponential.
         file: String,
     },
 }
 
-/// One law of a mixture.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct LawComponentSpec {
-    /// Its share, above 0; shares are divided by their sum.
-    #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1e9))]
-    pub weight: f64,
-    /// Factor on its optical depth, above 0.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("default" = 1))]
-    #[schemars(extend("exclusiveMinimum" = 1e-9, "maximum" = 1e9))]
-    pub rate: Option<f64>,
-    /// The law.
-    pub law: LawSpec,
+options! {
+    /// One law of a mixture.
+    pub struct LawComponentSpec {
+        /// Its share, above 0; shares are divided by their sum.
+        required weight: f64, above(0), at_most(1e9);
+        /// Factor on its optical depth, above 0.
+        rate: f64 = 1.0, above(1e-9), at_most(1e9);
+        /// The law.
+        required law: LawSpec;
+    }
 }
 
 impl VolumeSpec {
-    /// Replaces the names of all files by what `resolve` makes of them; it is given the JSON pointer of the key, relative to this object.
+    /// Replaces the names of all files by what `resolve` makes of them; it is given the JSON
+    /// pointer of the key, relative to this object.
     ///
     /// # Errors
     /// The first that `resolve` returns.
@@ -209,14 +187,14 @@ impl VolumeSpec {
     }
 }
 
-/// Light that a volume gives off, as radiance per scene unit along a ray; scaling the volume makes it
-/// larger, and thereby brighter.
+/// Light that a volume gives off, as radiance per scene unit along a ray; scaling the volume makes
+/// it larger, and thereby brighter.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "type", rename_all = "snake_case", deny_unknown_fields)]
 pub enum EmissionSpec {
     /// Glowing soot: `sigma_a = sigma_t * (1 - albedo)` of the volume times the radiance of a black
-    /// body, so that there is light where there is both density and heat. Black below 500 K, constant
-    /// above 20000 K; colours outside Rec. 709 are clamped at the same luminance.
+    /// body, so that there is light where there is both density and heat. Black below 500 K,
+    /// constant above 20000 K; colours outside Rec. 709 are clamped at the same luminance.
     Blackbody {
         /// Where the temperature comes from.
         temperature: TemperatureSpec,
@@ -233,8 +211,8 @@ pub enum EmissionSpec {
         normalised: Option<bool>,
     },
     #[schemars(extend("allOf" = [rules::color_or_ramp()]))]
-    /// Radiance added per scene unit, whatever the density: `scale * color * value`, or `scale` times
-    /// the colour that `ramp` gives the value. What Cycles calls emission coefficients.
+    /// Radiance added per scene unit, whatever the density: `scale * color * value`, or `scale`
+    /// times the colour that `ramp` gives the value. What Cycles calls emission coefficients.
     Grid {
         /// Name of a grid of numbers, or of vectors (red, green, blue).
         grid: String,
@@ -248,79 +226,52 @@ pub enum EmissionSpec {
         #[schemars(extend("default" = 1))]
         #[schemars(transform = rules::factor)]
         scale: Option<f64>,
-        /// Colours by grid value, in ascending order: linear between them, constant beyond the first
-        /// and the last. Black at the grid's background, 0 as a rule.
+        /// Colours by grid value, in ascending order: linear between them, constant beyond the
+        /// first and the last. Black at the grid's background, 0 as a rule.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         #[schemars(extend("minItems" = 1))]
         ramp: Option<Vec<RampNodeSpec>>,
     },
 }
 
-/// One colour of a ramp.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct RampNodeSpec {
-    /// Value of the grid.
-    #[schemars(transform = rules::offset)]
-    pub value: f64,
-    /// Linear Rec. 709.
-    #[schemars(transform = rules::at_most(1e30))]
-    pub color: Rgb,
+options! {
+    /// One colour of a ramp.
+    pub struct RampNodeSpec {
+        /// Value of the grid.
+        required value: f64, rules::offset;
+        /// Linear Rec. 709.
+        required color: Rgb, rules::at_most(1e30);
+    }
 }
 
-/// Temperature in kelvin: `scale * value + offset`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct TemperatureSpec {
-    /// Name of a grid of numbers; negative ones count as 0.
-    pub grid: String,
-    /// Kelvin per grid unit; at least 0.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("default" = 1))]
-    #[schemars(transform = rules::factor)]
-    pub scale: Option<f64>,
-    /// Kelvin where the grid is 0.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("default" = 0))]
-    #[schemars(transform = rules::offset)]
-    pub offset: Option<f64>,
+options! {
+    /// Temperature in kelvin: `scale * value + offset`.
+    pub struct TemperatureSpec {
+        /// Name of a grid of numbers; negative ones count as 0.
+        required grid: String;
+        /// Kelvin per grid unit; at least 0.
+        scale: f64 = 1.0, rules::factor;
+        /// Kelvin where the grid is 0.
+        offset: f64 = 0.0, rules::offset;
+    }
 }
 
-/// How values between voxels are formed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum InterpolationSpec {
-    /// The value of the nearest voxel.
-    Nearest,
-    /// Linear along each axis.
-    Trilinear,
-    /// Cubic along each axis; not rendered by this version.
-    Tricubic,
-}
-
-/// Scale, then rotation, then translation.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct TransformSpec {
-    /// Scene units.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("default" = [0, 0, 0]))]
-    pub translation: Option<[f64; 3]>,
-    /// Quaternion (x, y, z, w).
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("default" = [0, 0, 0, 1]))]
-    #[schemars(extend("allOf" = [crate::schema_rule::direction()]))]
-    pub rotation: Option<[f64; 4]>,
-    /// Factors along the axes, none of them 0.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("default" = [1, 1, 1]))]
-    #[schemars(transform = rules::scales)]
-    pub scale: Option<[f64; 3]>,
+options! {
+    /// Scale, then rotation, then translation.
+    #[derive(Default)]
+    pub struct TransformSpec {
+        /// Scene units.
+        translation: [f64; 3] = [0.0; 3];
+        /// Quaternion (x, y, z, w).
+        #[schemars(extend("allOf" = [crate::schema_rule::direction()]))]
+        rotation: [f64; 4] = [0.0, 0.0, 0.0, 1.0];
+        /// Factors along the axes, none of them 0.
+        scale: [f64; 3] = [1.0; 3], rules::scales;
+    }
 }
 
 /// The axis that points up.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum UpAxis {
     /// +Y, as in glTF.
     #[default]
@@ -329,17 +280,35 @@ pub enum UpAxis {
     Z,
 }
 
-/// The same extinction everywhere.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct HomogeneousSpec {
-    /// Extinction per scene unit, multiplied by `extinction`; at least 0.
-    #[schemars(extend("minimum" = 0, "exclusiveMaximum" = 1e30))]
-    pub sigma_t: f64,
-    /// Lowest and highest corner of the box it fills; null fills space.
-    #[serde(default)]
-    #[schemars(extend("default" = null))]
-    pub bounds: Option<[[f64; 3]; 2]>,
+impl Named for UpAxis {
+    const ALL: &'static [UpAxis] = &[UpAxis::Y, UpAxis::Z];
+    const TITLE: &'static str = "UpAxis";
+    const QUESTION: &'static str = "The axis that points up";
+
+    fn name(self) -> &'static str {
+        match self {
+            UpAxis::Y => "y",
+            UpAxis::Z => "z",
+        }
+    }
+
+    fn about(self) -> &'static str {
+        match self {
+            UpAxis::Y => "+Y, as in glTF.",
+            UpAxis::Z => "+Z, as in Blender.",
+        }
+    }
+}
+
+options! {
+    /// Extinction that is the same everywhere.
+    pub struct HomogeneousSpec {
+        /// Extinction per scene unit, multiplied by `extinction`; at least 0.
+        required sigma_t: f64, at_least(0), below(1e30);
+        /// Lowest and highest corner of the box it fills; null fills space.
+        #[schemars(extend("default" = null))]
+        bounds: [[f64; 3]; 2];
+    }
 }
 
 impl Serialize for Rgb {

@@ -7,7 +7,7 @@ use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3, Vec3};
 use pileus_scene::gltf::{self, GltfScene, GltfSurfaces};
 use pileus_scene::volume::DefaultScale;
 use pileus_scene::{
-    CameraRequest, Error, GlassRule, Light, Loaded, Place, Scene, SceneRequest, Surfaces,
+    CameraRequest, Error, GlassRule, Hint, Light, Loaded, Place, Scene, SceneRequest, Surfaces,
     VolumeSource, VolumeSpec,
 };
 use rand_core::SeedableRng;
@@ -793,6 +793,7 @@ fn the_first_camera_that_can_be_rendered_is_taken() {
     let (_folder, path) = folder_of(&file);
     let loaded = load(&path, AUTO).unwrap();
     assert_eq!(loaded.scene.camera.position().z, 4.0);
+    assert_eq!(loaded.hints, [Hint::OtherCamera]);
     let notes = loaded.notes.join("\n");
     for said in [
         "`D close` is taken",
@@ -873,7 +874,9 @@ fn grids_of_one_name_and_files_with_z_up_are_said() {
         .unwrap()
     };
     let spec = |text: &str| serde_json::from_str::<VolumeSpec>(text).unwrap();
-    let notes = load(conformance("names_same.vdb"), spec("{}")).notes.join("\n");
+    let loaded = load(conformance("names_same.vdb"), spec("{}"));
+    assert_eq!(loaded.hints, [Hint::OtherGrid]);
+    let notes = loaded.notes.join("\n");
     for said in ["3 grids are named `density`", "`density[0]` is taken", "`density[2]` from ["] {
         assert!(notes.contains(said), "{said}: {notes}");
     }
@@ -885,6 +888,7 @@ fn grids_of_one_name_and_files_with_z_up_are_said() {
     let plume = root().join("scenes/assets/smoke_plume.vdb");
     let loaded = load(plume.clone(), spec("{}"));
     assert!(loaded.notes.iter().any(|note| note.contains("tallest along z")), "{:?}", loaded.notes);
+    assert_eq!(loaded.hints, [Hint::ZIsUp]);
     assert!(loaded.scene.volumes[0].emission.is_none());
     for said in [
         r#"{"up_axis": "z"}"#,

@@ -2,7 +2,7 @@
 
 use crate::{floor, floor_scene, on_floor};
 use glam::{DVec3, Vec3};
-use pileus_integrator::{Distance, RenderSettings};
+use pileus_integrator::RenderSettings;
 use pileus_media::Phase;
 use pileus_media::distance::DistanceSampler;
 use pileus_scene::{Light, Point, Scene, Spot};
@@ -129,6 +129,6 @@ fn equal_angles_among_surfaces() {
         scene.lights.push(Light::Point(Point { position, intensity }));
     }
     let by = |distance, seed| rendered(&scene, &RenderSettings { distance, ..settings(96, seed) });
-    let flights = by(Distance::By(DistanceSampler::Delta), 1);
-    assert_same("equal angles", &flights, &by(Distance::Equiangular, 2));
+    let flights = by(Some(DistanceSampler::Delta), 1);
+    assert_same("equal angles", &flights, &by(Some(DistanceSampler::Equiangular), 2));
 }

@@ -3,14 +3,13 @@
 use super::axes::Channels;
 use super::media::{DENSE, TOO_DENSE, densest, depth_of};
 use super::thickness::typical_depth;
-use crate::Error;
+use crate::error::{Error, Parameter, Remedy};
 use crate::lights::Lights;
 use crate::media::{Methods, flies_by_depth};
-use crate::settings::{Distance, RenderSettings, Transmittance};
-use pileus_media::Medium;
+use crate::settings::RenderSettings;
 use pileus_media::distance::DistanceSampler;
-use pileus_media::law::Law;
 use pileus_media::transmittance::Estimator;
+use pileus_media::{Medium, Transmittances, Work};
 use pileus_scene::{Scene, Volume};
 
 /// Mean optical depth of the media below which points seen by point-like lights at equal angles pay for themselves, where the job leaves the
@@ -19,10 +18,8 @@ const MAX_EQUIANGULAR_DEPTH: f64 = 0.1;
 
 /// Whether the settings allow channels to fly by delta tracking and to decouple: both walks by tentative collisions of bounds that hold.
 pub(super) fn channels_may_decouple(settings: &RenderSettings) -> bool {
-    let flights =
-        matches!(settings.distance, Distance::Auto | Distance::Split | Distance::Equiangular);
-    let shadows =
-        matches!(settings.transmittance, Transmittance::Auto | Transmittance::By(Estimator::Ratio));
+    let flights = settings.distance.is_none_or(|sampler| !sampler.is_one_flight());
+    let shadows = matches!(settings.transmittance, None | Some(Estimator::Ratio));
     flights && shadows && settings.majorant_scale >= 1.0
 }
 
@@ -33,7 +30,7 @@ pub(super) fn choose_equiangular(
     lights: &Lights,
     reasons: &mut Vec<String>,
 ) -> bool {
-    let asked = settings.distance == Distance::Equiangular;
+    let asked = settings.distance == Some(DistanceSampler::Equiangular);
     if lights.positions().next().is_none() || scene.volumes.is_empty() {
         if asked {
             reasons.push(
@@ -50,13 +47,13 @@ pub(super) fn choose_equiangular(
         return false;
     }
     let depth = typical_depth(scene);
-    let chosen = asked || settings.distance == Distance::Auto && depth < MAX_EQUIANGULAR_DEPTH;
+    let chosen = asked || settings.distance.is_none() && depth < MAX_EQUIANGULAR_DEPTH;
     if chosen {
         reasons.push(format!(
             "points seen by point-like lights at equal angles, weighted against flights by a density that stands for theirs: the media have a mean \
              optical depth of {depth:.2}"
         ));
-    } else if settings.distance == Distance::Auto {
+    } else if settings.distance.is_none() {
         reasons.push(format!(
             "no equiangular points: the media have a mean optical depth of {depth:.2}, and they pay below {MAX_EQUIANGULAR_DEPTH}"
         ));
@@ -74,43 +71,47 @@ pub(super) fn check_laws(
     methods: Methods,
     reasons: &mut Vec<String>,
 ) -> Result<(), Error> {
-    let refused = |key: &str, name: &str, volume: &str, law: &Law, remedy: &str| Error::Invalid {
-        what: format!(
-            "sampling.{key} is {name}, which assumes the exponential law, but volume `{volume}` follows another ({law})"
-        ),
-        remedy: format!("use {remedy}, or `auto`"),
-    };
     for volume in &scene.volumes {
         let Some(law) = volume.medium.law() else { continue };
         let (name, rates) = (&volume.name, law.is_mixture_of_exponentials());
         if !rates && volume.medium.phase().flakes().is_some_and(|flakes| flakes.by_grid()) {
-            return Err(Error::Invalid {
+            return Err(Error::Scene {
                 what: format!(
                     "volume `{name}` has microflakes by grid and a transmittance function ({law}) that would need exact depths through them"
                 ),
-                remedy: "give the microflakes as numbers, or a mixture of exponentials".into(),
+                remedies: vec![Remedy::Scene(
+                    "give the microflakes as numbers, or the volume a mixture of exponentials",
+                )],
             });
         }
         let by_rates = rates && matches!(*volume.medium, Medium::Grid(_));
-        let distance_holds = match settings.distance {
-            Distance::Auto => true,
-            Distance::Split => true,
-            Distance::Equiangular => false,
-            Distance::By(DistanceSampler::Regular | DistanceSampler::Analytic) => true,
-            Distance::By(sampler) => rates && sampler.is_unbiased(),
+        let holds = |transmittances| match transmittances {
+            Transmittances::All => true,
+            Transmittances::Mixtures => rates,
+            Transmittances::Exponential => false,
         };
-        if !distance_holds {
-            return Err(refused("distance", settings.distance.name(), name, law, "`regular`"));
+        let refused = |parameter, method: &str, instead: &[&'static str]| Error::Parameter {
+            parameter,
+            value: method.to_owned(),
+            why: format!(
+                "it assumes the exponential law, but volume `{name}` follows another ({law})"
+            ),
+            remedies: instead
+                .iter()
+                .map(|method| Remedy::Set(parameter, method))
+                .chain([Remedy::Default(match parameter {
+                    Parameter::Distance => &[Parameter::Distance],
+                    _ => &[Parameter::Transmittance],
+                })])
+                .collect(),
+        };
+        if let Some(sampler) = settings.distance.filter(|s| !holds(s.facts().transmittances)) {
+            return Err(refused(Parameter::Distance, sampler.name(), &["regular"]));
         }
-        let transmittance_holds = match settings.transmittance {
-            Transmittance::Auto => true,
-            Transmittance::By(Estimator::Regular | Estimator::DebiasedRayMarching) => true,
-            Transmittance::By(estimator) => rates && estimator.is_unbiased(),
-        };
-        if !transmittance_holds {
-            let name_of = settings.transmittance.name();
-            let remedy = "`regular` or `debiased_ray_marching`";
-            return Err(refused("transmittance", name_of, name, law, remedy));
+        if let Some(estimator) = settings.transmittance.filter(|e| !holds(e.facts().transmittances))
+        {
+            let instead = ["regular", "debiased_ray_marching"];
+            return Err(refused(Parameter::Transmittance, estimator.name(), &instead));
         }
         let by_rate = by_rates && methods.distance != DistanceSampler::Regular;
         reasons.push(format!(
@@ -148,7 +149,7 @@ pub(super) fn choose(
     let regular = dense;
     let bounded = settings.majorant_scale >= 1.0;
     let distance = match settings.distance {
-        Distance::By(sampler) => sampler,
+        Some(sampler) if sampler.is_one_flight() => sampler,
         _ if regular => DistanceSampler::Regular,
         _ if !bounded => DistanceSampler::WeightedDelta,
         _ if grey => DistanceSampler::Delta,
@@ -157,44 +158,50 @@ pub(super) fn choose(
     if distance == DistanceSampler::Analytic
         && let Some(grid) = scene.volumes.iter().find(|v| matches!(*v.medium, Medium::Grid(_)))
     {
-        return Err(Error::Invalid {
-            what: format!(
-                "sampling.distance is analytic, but volume `{}` is a grid: closed forms need constant extinction",
+        return Err(Error::Parameter {
+            parameter: Parameter::Distance,
+            value: "analytic".into(),
+            why: format!(
+                "volume `{}` is a grid, and closed forms need constant extinction; `regular` inverts the depth of a grid exactly",
                 grid.name
             ),
-            remedy: "use `regular`, which inverts the depth of a grid exactly, or `auto`".into(),
+            remedies: vec![
+                Remedy::Set(Parameter::Distance, "regular"),
+                Remedy::Default(&[Parameter::Distance]),
+            ],
         });
     }
-    if !bounded && !distance.is_unbiased_without_bounds() && distance.is_unbiased() {
-        return Err(Error::Invalid {
-            what: format!(
-                "sampling.distance is {}, which needs bounds that hold, but sampling.majorant_scale is {}",
-                distance.name(),
-                settings.majorant_scale
-            ),
-            remedy: "use `weighted_delta` or `regular`, or a scale of at least 1".into(),
-        });
+    let unbounded = |parameter, method: &str, instead: &[&'static str]| Error::Parameter {
+        parameter,
+        value: method.to_owned(),
+        why: format!(
+            "it needs bounds that hold, but {} is {}",
+            Parameter::MajorantScale,
+            settings.majorant_scale
+        ),
+        remedies: instead
+            .iter()
+            .map(|method| Remedy::Set(parameter, method))
+            .chain([Remedy::Default(&[Parameter::MajorantScale])])
+            .collect(),
+    };
+    if !bounded && distance.facts().needs_bounds {
+        let instead = ["weighted_delta", "regular"];
+        return Err(unbounded(Parameter::Distance, distance.name(), &instead));
     }
     let transmittance = match settings.transmittance {
-        Transmittance::Auto if regular => Estimator::Regular,
-        Transmittance::Auto => {
+        None if regular => Estimator::Regular,
+        None => {
             reasons.push(
                 "transmittance by ratio tracking: of all estimators the least error x time in whole images, within the noise of timing"
                     .into(),
             );
             Estimator::Ratio
         }
-        Transmittance::By(estimator) => estimator,
+        Some(estimator) => estimator,
     };
-    if !bounded && matches!(transmittance, Estimator::Delta | Estimator::ResidualRatio) {
-        return Err(Error::Invalid {
-            what: format!(
-                "sampling.transmittance is {}, which needs bounds that hold, but sampling.majorant_scale is {}",
-                transmittance.name(),
-                settings.majorant_scale
-            ),
-            remedy: "use another estimator, or a scale of at least 1".into(),
-        });
+    if !bounded && transmittance.facts().needs_bounds {
+        return Err(unbounded(Parameter::Transmittance, transmittance.name(), &["ratio"]));
     }
     if let Some((depth, name)) = densest(scene, settings).filter(|(depth, _)| *depth > DENSE) {
         reasons.push(format!(
@@ -203,34 +210,40 @@ pub(super) fn choose(
         ));
         let by_grid = microflakes_by_grid(scene).filter(|v| depth_of(v, settings) > TOO_DENSE);
         if let Some(volume) = by_grid.last() {
-            return Err(Error::Invalid {
+            return Err(Error::Scene {
                 what: format!(
                     "volume `{}` has an optical depth of up to {:.1e} per voxel, where walks would not come to an end, and microflakes by grid have no exact depths",
                     volume.name,
                     depth_of(volume, settings)
                 ),
-                remedy: "lower the density scale, or give the microflakes as numbers".into(),
+                remedies: vec![Remedy::Scene(
+                    "lower the volume's density, or give the microflakes as numbers",
+                )],
             });
         }
-        let tracks = !matches!(
-            distance,
-            DistanceSampler::Regular | DistanceSampler::Analytic | DistanceSampler::RayMarching
-        );
-        let estimates = !matches!(
-            transmittance,
-            Estimator::Regular | Estimator::RayMarching | Estimator::DebiasedRayMarching
-        );
-        if depth > TOO_DENSE && (tracks || estimates) {
-            let (key, method) = if tracks {
-                ("distance", distance.name())
-            } else {
-                ("transmittance", transmittance.name())
-            };
-            return Err(Error::Invalid {
-                what: format!(
-                    "volume `{name}` has an optical depth of up to {depth:.1e} per voxel, where sampling.{key} {method} would not come to an end"
+        let endless = |work| depth > TOO_DENSE && work == Work::MajorantDepth;
+        let method = if endless(distance.facts().work) {
+            Some((Parameter::Distance, distance.name()))
+        } else if endless(transmittance.facts().work) {
+            Some((Parameter::Transmittance, transmittance.name()))
+        } else {
+            None
+        };
+        if let Some((parameter, method)) = method {
+            return Err(Error::Parameter {
+                parameter,
+                value: method.to_owned(),
+                why: format!(
+                    "it would not come to an end in volume `{name}`, which has an optical depth of up to {depth:.1e} per voxel"
                 ),
-                remedy: "use `regular` or `auto`, or lower the density scale".into(),
+                remedies: vec![
+                    Remedy::Set(parameter, "regular"),
+                    Remedy::Default(match parameter {
+                        Parameter::Distance => &[Parameter::Distance],
+                        _ => &[Parameter::Transmittance],
+                    }),
+                    Remedy::Scene("lower the volume's density"),
+                ],
             });
         }
     }

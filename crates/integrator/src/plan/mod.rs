@@ -12,15 +12,15 @@ pub use axes::{Channels, Events, KernelAxes, PhaseFunctions, World};
 pub use media::PlannedVolume;
 pub(crate) use media::extinguishes;
 
-use crate::Error;
 use crate::counters::Counters;
+use crate::error::{Error, Parameter, Remedy};
 use crate::lights::Lights;
 use crate::media::Methods;
-use crate::settings::{Distance, RenderSettings, Transmittance};
+use crate::settings::{RenderSettings, by_name};
 use media::{DENSE, densest, describe};
 use pileus_media::distance::DistanceSampler;
 use pileus_media::transmittance::Estimator;
-use pileus_media::{MajorantStructure, Medium};
+use pileus_media::{Expectation, MajorantStructure, Medium};
 use pileus_scene::{Light, Scene, Surfaces};
 use serde::Serialize;
 
@@ -32,9 +32,11 @@ pub struct Plan {
     /// Whether paths and shadow rays are weighted against each other.
     pub mis: bool,
     /// Free-flight sampler in use.
-    pub distance: Distance,
+    #[serde(serialize_with = "by_name")]
+    pub distance: DistanceSampler,
     /// Transmittance estimator in use.
-    pub transmittance: Transmittance,
+    #[serde(serialize_with = "by_name")]
+    pub transmittance: Estimator,
     /// Whether points seen by point-like lights at equal angles are sampled besides flights.
     #[serde(skip)]
     pub(crate) equiangular: bool,
@@ -223,17 +225,21 @@ impl Plan {
         lights: &Lights,
     ) -> Result<Plan, Error> {
         if settings.max_events == Some(0) {
-            return Err(Error::Invalid {
-                what: "sampling.max_events is 0: no path could begin".into(),
-                remedy: "give at least 1, or null for no limit".into(),
+            return Err(Error::Parameter {
+                parameter: Parameter::MaxEvents,
+                value: "0".into(),
+                why: "no path could begin".into(),
+                remedies: vec![Remedy::Default(&[Parameter::MaxEvents])],
             });
         }
         if settings.max_bounces.is_none() {
             warnings::refuse_endless(scene)?;
         }
-        settings.filter.validate().map_err(|error| Error::Invalid {
-            what: error.to_string(),
-            remedy: "correct film.filter".into(),
+        settings.filter.validate().map_err(|error| Error::Parameter {
+            parameter: Parameter::Filter,
+            value: format!("{:?}", settings.filter),
+            why: error.to_string(),
+            remedies: vec![Remedy::Default(&[Parameter::Filter])],
         })?;
         let facts = Facts::of(scene, settings);
         let mut chosen = Vec::new();
@@ -246,7 +252,7 @@ impl Plan {
                 .push(format!("volume `{}` has no extinction: no path asks for it", volume.name));
         }
         reasons.append(&mut chosen);
-        if settings.distance == Distance::Split && kernel.channels != Channels::Split {
+        if settings.distance == Some(DistanceSampler::Split) && kernel.channels != Channels::Split {
             reasons.push(
                 "no channels decouple: extinction is the same for all, or shadow rays do not run by ratio tracking of bounds that hold"
                     .into(),
@@ -308,13 +314,13 @@ impl Plan {
             kernel,
             mis,
             distance: if equiangular {
-                Distance::Equiangular
+                DistanceSampler::Equiangular
             } else if kernel.channels == Channels::Split {
-                Distance::Split
+                DistanceSampler::Split
             } else {
-                Distance::By(methods.distance)
+                methods.distance
             },
-            transmittance: Transmittance::By(methods.transmittance),
+            transmittance: methods.transmittance,
             equiangular,
             analog_flights: methods::are_analog(scene, kernel.channels, methods),
             methods,
@@ -351,17 +357,11 @@ impl Plan {
 /// What makes the mean of the image differ from the truth.
 fn biased(scene: &Scene, settings: &RenderSettings, methods: Methods) -> Vec<String> {
     let mut biased = Vec::new();
-    if !methods.transmittance.is_unbiased() {
-        biased.push(format!(
-            "transmittance {}: shadows are too bright",
-            methods.transmittance.name()
-        ));
+    if let Expectation::Biased(how) = methods.transmittance.facts().expectation {
+        biased.push(format!("transmittance {}: {how}", methods.transmittance.name()));
     }
-    if !methods.distance.is_unbiased() {
-        biased.push(format!(
-            "distance {}: volumes are too transparent and too smooth",
-            methods.distance.name()
-        ));
+    if let Expectation::Biased(how) = methods.distance.facts().expectation {
+        biased.push(format!("distance {}: {how}", methods.distance.name()));
     }
     if let Some(n) = settings.max_bounces {
         biased.push(format!("max_bounces {n}: longer paths are cut"));

@@ -3,7 +3,7 @@
 //!
 //! Everything here is geometry and arithmetic on what was loaded; its work has a bound.
 
-use crate::Error;
+use crate::error::{Error, Parameter, Remedy};
 use crate::settings::{DEFAULT_MAX_EVENTS, RenderSettings};
 use glam::{DVec3, Vec3};
 use pileus_media::{Albedo, HomogeneousMedium, Medium};
@@ -69,7 +69,7 @@ pub(crate) fn refuse_endless(scene: &Scene) -> Result<(), Error> {
     let of = |(name, medium, sigma_t): (_, &HomogeneousMedium, Vec3)| {
         (0..3).any(|c| sigma_t[c] > 0.0 && medium.albedo()[c] >= 1.0).then_some(name)
     };
-    Err(Error::Invalid {
+    Err(Error::Scene {
         what: format!(
             "volume {} fills all space, scatters and absorbs nothing ({}): paths would never end",
             names(fogs(scene).filter_map(of)),
@@ -79,8 +79,10 @@ pub(crate) fn refuse_endless(scene: &Scene) -> Result<(), Error> {
                 format!("albedo 1 in {}", endless.join(" and "))
             },
         ),
-        remedy: "give it `bounds`, an albedo below 1, or the job a limit, sampling.max_bounces"
-            .into(),
+        remedies: vec![
+            Remedy::Scene("give it bounds, or an albedo below 1"),
+            Remedy::Limit(Parameter::MaxBounces),
+        ],
     })
 }
 
@@ -226,7 +228,8 @@ fn darkness(scene: &Scene) -> Option<String> {
         || scene.fires().any(|fire| fire.bounds_world().is_some());
     if !distant && !near {
         return Some(
-            "nothing shines: every light is black, and so is the picture; give a light, or leave `lights` out for a sky".into(),
+            "nothing shines: every light is black, and so is the picture; give the scene a light"
+                .into(),
         );
     }
     let blocked = |c: usize| fogs(scene).any(|(.., sigma_t)| sigma_t[c] > 0.0);
@@ -246,7 +249,7 @@ fn darkness(scene: &Scene) -> Option<String> {
         (false, _) => "the picture has none",
     };
     Some(format!(
-        "volume {fogs} fills all space: no {light} of a sun, a sky or an environment gets through, and {so}; give it `bounds`, or lights that have a place"
+        "volume {fogs} fills all space: no {light} of a sun, a sky or an environment gets through, and {so}; give it bounds, or lights that have a place"
     ))
 }
 
@@ -290,7 +293,7 @@ fn out_of_sight(scene: &Scene) -> Option<String> {
     let mut bounds = volumes.chain(surfaces).peekable();
     bounds.peek()?;
     bounds.all(outside).then(|| {
-        "no volume and no surface lies in the picture: all are behind the camera or beside what it sees; turn it towards them, or leave `camera` out to frame them"
+        "no volume and no surface lies in the picture: all are behind the camera or beside what it sees; turn it towards them"
             .into()
     })
 }

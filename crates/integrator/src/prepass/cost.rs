@@ -4,9 +4,9 @@
 //! number of tentative collisions, the cells on the way are the steps. Shadow rays, whose roulette ends them, are walked once.
 
 use super::lattice;
-use crate::Error;
 use crate::cost::PathCost;
 use crate::counters::Counters;
+use crate::error::{Error, Parameter, Remedy};
 use crate::kernel::{Kernel, Recorder, World};
 use crate::media::{Media, MediaIndex, Ray};
 use crate::renderer::{Job, Parts, PlannedMedia, Renderer};
@@ -147,9 +147,11 @@ impl RecordedRays {
             .iter()
             .map(|volume| volume.medium.with_majorants(structure, majorant_scale).map(Arc::new))
             .collect::<Result<_, _>>()
-            .map_err(|error| Error::Invalid {
-                what: format!("{}: {error}", structure.name()),
-                remedy: "take another structure".into(),
+            .map_err(|error| Error::Parameter {
+                parameter: Parameter::Majorants,
+                value: structure.name(),
+                why: error.to_string(),
+                remedies: vec![Remedy::Default(&[Parameter::Majorants])],
             })?;
         let index = MediaIndex::new(&media);
         Ok(self.cost_on(&PlannedMedia { media, index }))

@@ -12,6 +12,7 @@ use crate::plan::warnings;
 use crate::renderer::Parts;
 use crate::settings::ShadowRoulette;
 use pileus_media::Medium;
+use serde::Serialize;
 use std::fmt;
 
 /// Paths that predict costs: some milliseconds; a tenth of error, up to a half where few paths scatter for long (`docs/charts/majorants.md`).
@@ -25,7 +26,7 @@ const MAX_VOXEL_DEPTH: f64 = 1e5;
 const MAX_CACHED_SCATTERINGS: f64 = 1.5;
 
 /// What a few paths ahead of a render have told.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct Prepass {
     /// Expected cost per path, where there are volumes.
     pub predicted: Option<PathCost>,
@@ -33,6 +34,7 @@ pub struct Prepass {
     pub reasons: Vec<String>,
     /// What is probably not meant: volumes that no path met.
     pub warnings: Vec<String>,
+    #[serde(skip)]
     pub(crate) radiance_cache: Option<RadianceCache>,
 }
 
@@ -64,8 +66,8 @@ impl Prepass {
         let distant = lights.positions().next().is_none() && !lights.is_empty();
         let possible = distant && !plan.volumes.is_empty();
         let roulette = parts.settings.shadow_roulette;
-        let asked = roulette == ShadowRoulette::Expected;
-        if !possible || roulette == ShadowRoulette::Importance {
+        let asked = roulette == Some(ShadowRoulette::Expected);
+        if !possible || roulette == Some(ShadowRoulette::Importance) {
             if asked {
                 self.reasons.push(
                     "shadow rays undergo Russian roulette by importance: a radiance cache is for media under distant lights"

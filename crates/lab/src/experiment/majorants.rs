@@ -3,9 +3,7 @@
 use crate::Error;
 use crate::chart::{Axis, Cell, Chart, Plot, Provenance, Series, Table};
 use pileus_film::Film;
-use pileus_integrator::{
-    Counters, Distance, RecordedRays, RenderSettings, Renderer, Transmittance, Unmonitored,
-};
+use pileus_integrator::{Counters, RecordedRays, RenderSettings, Renderer, Unmonitored};
 use pileus_media::distance::DistanceSampler;
 use pileus_media::transmittance::Estimator;
 use pileus_media::{MajorantStructure, Medium, StructureCost};
@@ -60,8 +58,8 @@ pub fn chart_majorants(
 ) -> Result<Chart, Error> {
     let base = RenderSettings {
         samples: 0..1,
-        distance: Distance::By(DistanceSampler::Delta),
-        transmittance: Transmittance::By(Estimator::Ratio),
+        distance: Some(DistanceSampler::Delta),
+        transmittance: Some(Estimator::Ratio),
         majorant_scale: 1.0,
         ..settings.clone()
     };

@@ -5,22 +5,20 @@ use crate::compare::{CompareSettings, compare_with};
 use crate::difference::{difference_image, difference_view};
 use crate::{Error, block_z_test};
 use pileus_film::{Curve, Film, Image, ToneMap, png_bytes, preview_rgb8};
-use pileus_integrator::{
-    Counters, Distance, LightSampling, RenderSettings, Renderer, Transmittance, Unmonitored,
-};
-use pileus_media::MajorantStructure;
+use pileus_integrator::{Counters, LightSampling, RenderSettings, Renderer, Unmonitored};
 use pileus_media::distance::DistanceSampler;
 use pileus_media::transmittance::Estimator;
+use pileus_media::{MajorantStructure, from_name_or_auto, name_or_auto};
 use pileus_scene::Scene;
 use std::time::Instant;
 
 /// How a scene is sampled.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RenderMethod {
-    /// Distances.
-    pub distance: Distance,
-    /// Transmittance.
-    pub transmittance: Transmittance,
+    /// Distances; `None`: what the plan chooses.
+    pub distance: Option<DistanceSampler>,
+    /// Transmittance; `None`: what the plan chooses.
+    pub transmittance: Option<Estimator>,
     /// Majorant structure.
     pub majorants: MajorantStructure,
     /// Factor on the majorants.
@@ -32,8 +30,8 @@ pub struct RenderMethod {
 impl RenderMethod {
     /// What the plan chooses.
     pub const AUTO: RenderMethod = RenderMethod {
-        distance: Distance::Auto,
-        transmittance: Transmittance::Auto,
+        distance: None,
+        transmittance: None,
         majorants: MajorantStructure::Adaptive,
         majorant_scale: 1.0,
         light_sampling: LightSampling::Both,
@@ -45,16 +43,15 @@ impl RenderMethod {
         let auto = RenderMethod::AUTO;
         let mut methods = vec![auto];
         for estimator in Estimator::ALL {
-            methods.push(RenderMethod { transmittance: Transmittance::By(estimator), ..auto });
+            methods.push(RenderMethod { transmittance: Some(estimator), ..auto });
         }
-        let ratio = RenderMethod { transmittance: Transmittance::By(Estimator::Ratio), ..auto };
+        let ratio = RenderMethod { transmittance: Some(Estimator::Ratio), ..auto };
         for sampler in DistanceSampler::ALL {
-            methods.push(RenderMethod { distance: Distance::By(sampler), ..ratio });
+            methods.push(RenderMethod { distance: Some(sampler), ..ratio });
         }
-        methods.push(RenderMethod { distance: Distance::Equiangular, ..ratio });
         methods.push(RenderMethod {
-            distance: Distance::By(DistanceSampler::Regular),
-            transmittance: Transmittance::By(Estimator::Regular),
+            distance: Some(DistanceSampler::Regular),
+            transmittance: Some(Estimator::Regular),
             ..auto
         });
         for majorants in [
@@ -88,7 +85,11 @@ impl RenderMethod {
             LightSampling::Both => "",
             LightSampling::Paths => "/paths",
         };
-        format!("{}+{}{structure}{scale}{light}", self.distance.name(), self.transmittance.name())
+        format!(
+            "{}+{}{structure}{scale}{light}",
+            name_or_auto(self.distance),
+            name_or_auto(self.transmittance)
+        )
     }
 
     /// The method of a name.
@@ -115,16 +116,8 @@ impl RenderMethod {
             None => (methods, MajorantStructure::default()),
         };
         let (distance, transmittance) = methods.split_once('+').ok_or_else(wrong)?;
-        let distance = match distance {
-            "auto" => Distance::Auto,
-            "split" => Distance::Split,
-            "equiangular" => Distance::Equiangular,
-            name => Distance::By(DistanceSampler::from_name(name).ok_or_else(wrong)?),
-        };
-        let transmittance = match transmittance {
-            "auto" => Transmittance::Auto,
-            name => Transmittance::By(Estimator::from_name(name).ok_or_else(wrong)?),
-        };
+        let distance = from_name_or_auto(distance).ok_or_else(wrong)?;
+        let transmittance = from_name_or_auto(transmittance).ok_or_else(wrong)?;
         Ok(RenderMethod {
             distance,
             transmittance,
@@ -182,15 +175,8 @@ struct Run<'a> {
 impl Run<'_> {
     /// Whether the methods have the right mean; limits that a job sets count for all methods alike.
     fn is_unbiased(&self) -> bool {
-        let estimator = match self.renderer.plan().transmittance {
-            Transmittance::By(estimator) => estimator.is_unbiased(),
-            Transmittance::Auto => true,
-        };
-        let sampler = match self.renderer.plan().distance {
-            Distance::By(sampler) => sampler.is_unbiased(),
-            Distance::Auto | Distance::Split | Distance::Equiangular => true,
-        };
-        estimator && sampler
+        let plan = self.renderer.plan();
+        plan.transmittance.is_unbiased() && plan.distance.is_unbiased()
     }
 
     /// Renders up to `spp` samples per pixel in total.

@@ -6,11 +6,13 @@ use super::stress::{Stress, Subject, all_stresses};
 use crate::Error;
 use crate::chart::{Axis, Cell, Chart, Plot, Provenance, Series, Table};
 use pileus_film::{Film, Filter};
-use pileus_integrator::{Distance, RenderSettings, Renderer, Transmittance, Unmonitored};
+use pileus_integrator::{RenderSettings, Renderer, Unmonitored};
 use pileus_media::distance::{DistanceSampler, Flight};
 use pileus_media::law::{Law, Passage, Power, Start};
 use pileus_media::transmittance::{Estimator, Telescope, debiased_under_law, exact_under_law};
-use pileus_media::{Channels, ExactField, Grey, Relative, Scaled, Spectrum, Tally, optical_depth};
+use pileus_media::{
+    Channels, ExactField, Facts, Grey, Relative, Scaled, Spectrum, Tally, optical_depth,
+};
 use pileus_scene::Scene;
 use rand_pcg::Pcg32;
 use rayon::prelude::*;
@@ -112,22 +114,22 @@ enum Method {
     UnderLaw(LawMethod),
     Transmittance(Estimator),
     Distance(DistanceSampler),
-    Equiangular,
 }
 
 impl Method {
     fn all() -> Vec<Method> {
         let estimators = Estimator::ALL.into_iter().map(Method::Transmittance);
-        let samplers = DistanceSampler::ALL.into_iter().map(Method::Distance);
+        // Channels that part are a question of pictures, in which everything here is grey.
+        let samplers = DistanceSampler::ALL.into_iter().filter(|s| *s != DistanceSampler::Split);
+        let samplers = samplers.map(Method::Distance);
         let laws = LawMethod::ALL.into_iter().map(Method::UnderLaw);
-        estimators.chain(samplers).chain([Method::Equiangular]).chain(laws).collect()
+        estimators.chain(samplers).chain(laws).collect()
     }
 
     fn name(self) -> String {
         match self {
             Method::Transmittance(estimator) => format!("transmittance {}", estimator.name()),
             Method::Distance(sampler) => format!("distance {}", sampler.name()),
-            Method::Equiangular => "distance equiangular".to_owned(),
             Method::UnderLaw(LawMethod::Regular) => "law regular".to_owned(),
             Method::UnderLaw(LawMethod::Ratio) => "law ratio".to_owned(),
             Method::UnderLaw(LawMethod::Debiased(c)) => format!("law debiased 2^-{c}"),
@@ -138,7 +140,7 @@ impl Method {
         match self {
             Method::Transmittance(estimator) => estimator.is_unbiased(),
             Method::Distance(sampler) => sampler.is_unbiased(),
-            Method::Equiangular | Method::UnderLaw(_) => true,
+            Method::UnderLaw(_) => true,
         }
     }
 }
@@ -326,7 +328,6 @@ fn ask<F: ExactField, C: Channels>(
     Ok(match method {
         Method::Transmittance(estimator) => estimate(estimator, field, channels, depth),
         Method::Distance(sampler) => fly(sampler, field, channels, depth),
-        Method::Equiangular => fly(DistanceSampler::Delta, field, channels, depth),
         Method::UnderLaw(method) => estimate_under_law(method, field, channels, depth)?,
     })
 }
@@ -346,14 +347,13 @@ fn render_picture(
     };
     let settings = match method {
         Method::Transmittance(estimator) => {
-            RenderSettings { transmittance: Transmittance::By(estimator), ..base }
+            RenderSettings { transmittance: Some(estimator), ..base }
         }
         Method::Distance(sampler) => RenderSettings {
-            distance: Distance::By(sampler),
-            transmittance: Transmittance::By(Estimator::Ratio),
+            distance: Some(sampler),
+            transmittance: Some(Estimator::Ratio),
             ..base
         },
-        Method::Equiangular => RenderSettings { distance: Distance::Equiangular, ..base },
         Method::UnderLaw(_) => base,
     };
     let renderer = Renderer::new(scene, &settings).map_err(Error::Render)?;
@@ -387,67 +387,16 @@ fn render_picture(
     })
 }
 
+fn weakness(facts: Facts, broken: bool) -> &'static str {
+    if broken { facts.weakness_without_bounds } else { facts.weakness }
+}
+
 /// Why a method does not bear a stress.
 fn reason(method: Method, stress: &Stress) -> &'static str {
     let broken = stress.broken;
     match method {
-        Method::Transmittance(estimator) => match estimator {
-            Estimator::Regular => "exact but for rounding",
-            Estimator::Delta if broken => "acceptance saturates where the bound does not hold",
-            Estimator::Delta => "a yes or no: relative variance 1/T - 1",
-            Estimator::Ratio if broken => {
-                "factors are negative where the bound does not hold: variance exp(integral of sigma_t^2 / rate)"
-            }
-            Estimator::Ratio => "relative variance exp(integral of sigma_t^2 / majorant) - 1",
-            Estimator::ResidualRatio if broken => "no bound, no rate for the residual",
-            Estimator::ResidualRatio => {
-                "relative variance exp(integral of (sigma_t - minorant)^2 / (majorant - minorant)) - 1"
-            }
-            Estimator::NextFlight if broken => "signed weights where the bound does not hold",
-            Estimator::NextFlight => {
-                "the answer hangs on vertices near the end: rare, with weight about one"
-            }
-            Estimator::Volterra => {
-                "alternating terms of size tau^k / k!: a factor of variance per unit depth"
-            }
-            Estimator::Taylor => {
-                "terms of size tau^k / k! cancel: a factor of variance per unit depth"
-            }
-            Estimator::PseriesCumulative => {
-                "null ratios vary as in ratio tracking, and a first term that is small by chance may end it; rounding adds up over a thousand stretches"
-            }
-            Estimator::PseriesCmf => "null ratios vary as in ratio tracking",
-            Estimator::Bidirectional => {
-                "the noise of stretches multiplies: exponential in their number"
-            }
-            Estimator::UnbiasedRayMarching => {
-                "teeth miss narrow features or beat with the field; rare corrections carry the rest"
-            }
-            Estimator::DebiasedRayMarching => {
-                "differences do not shrink before a comb resolves the feature: slow tail"
-            }
-            Estimator::RayMarching => "Jensen's inequality: too bright by T Var[depth] / 2",
-        },
-        Method::Distance(sampler) => match sampler {
-            DistanceSampler::Analytic | DistanceSampler::Regular => "exact but for rounding",
-            DistanceSampler::Delta if broken => {
-                "acceptance saturates where the bound does not hold"
-            }
-            DistanceSampler::Delta => {
-                "channels that are thinner than the mean gain weight at every null collision"
-            }
-            DistanceSampler::WeightedDelta => {
-                "weights change sign and grow at every null collision where the bound does not hold"
-            }
-            DistanceSampler::Decomposition | DistanceSampler::Spectral if broken => {
-                "probabilities saturate where the bound does not hold"
-            }
-            DistanceSampler::Decomposition | DistanceSampler::Spectral => {
-                "weights of channels reach their number"
-            }
-            DistanceSampler::RayMarching => "extinction taken for constant within a step",
-        },
-        Method::Equiangular => "points ignore the medium",
+        Method::Transmittance(estimator) => weakness(estimator.facts(), broken),
+        Method::Distance(sampler) => weakness(sampler.facts(), broken),
         Method::UnderLaw(LawMethod::Regular) => "exact but for rounding",
         Method::UnderLaw(LawMethod::Ratio) if broken => {
             "null ratios change sign where the bound does not hold, the more so at high rates"
@@ -478,7 +427,7 @@ fn cell(method: Method, stress: &Stress) -> Result<StabilityCell, Error> {
         let reason = "closed form of constant extinction only: the plan refuses grids";
         return Ok(StabilityCell { reason, ..blank });
     }
-    if method == Method::Equiangular && stress.name != "light in smoke" {
+    if method == Method::Distance(DistanceSampler::Equiangular) && stress.name != "light in smoke" {
         let reason = "no point light that points could be aimed at: the plan flies";
         return Ok(StabilityCell { reason, ..blank });
     }

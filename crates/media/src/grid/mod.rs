@@ -17,6 +17,7 @@ pub use view::GridView;
 pub(crate) use view::sub_cell;
 pub use voxel::{Half, Voxel};
 
+use crate::method::Named;
 use glam::DVec3;
 
 /// Values along an edge of a brick: 8 cells and the far face, so that interpolation never leaves the brick.
@@ -67,6 +68,27 @@ pub struct VoxelGrid {
     pub(crate) background: f32,
     pub(crate) interpolation: Interpolation,
     pub(crate) report: BuildReport,
+}
+
+impl Named for Interpolation {
+    const ALL: &'static [Interpolation] = &[Interpolation::Nearest, Interpolation::Trilinear];
+    const TITLE: &'static str = "Interpolation";
+    const QUESTION: &'static str = "How values between voxels are formed";
+    const LATER: &'static [&'static str] = &["tricubic"];
+
+    fn name(self) -> &'static str {
+        match self {
+            Interpolation::Nearest => "nearest",
+            Interpolation::Trilinear => "trilinear",
+        }
+    }
+
+    fn about(self) -> &'static str {
+        match self {
+            Interpolation::Nearest => "The value of the nearest voxel.",
+            Interpolation::Trilinear => "Linear along each axis.",
+        }
+    }
 }
 
 impl VoxelGrid {

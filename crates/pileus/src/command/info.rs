@@ -14,7 +14,7 @@ use crate::cli::InfoOptions;
 use crate::escape;
 use crate::failure::Failure;
 use crate::input::{Input, Kind, look};
-use crate::job::DEFAULT_LUMENS_PER_WATT;
+use crate::job::GltfSpec;
 use crate::report::Report;
 use crate::settings::{Overrides, Settings};
 
@@ -39,7 +39,7 @@ pub(crate) fn run(options: &InfoOptions, report: &Report) -> Result<(), Failure>
             }
         }
         Kind::Gltf => {
-            let scene = gltf::load(&options.file, DEFAULT_LUMENS_PER_WATT)?;
+            let scene = gltf::load(&options.file, GltfSpec::default().lumens_per_watt())?;
             let info = gltf_json(&scene);
             if options.json {
                 report.json(&info)
@@ -560,7 +560,7 @@ fn job_json(settings: &Settings, document: Option<&Document>) -> Value {
         .map(|path| json!({ "path": path.to_string_lossy(), "exists": path.is_file() }))
         .collect();
     json!({
-        "job": settings.job,
+        "job": settings.job(),
         "bytes": document.map(|document| document.text().len()),
         "files": files,
         "outputs": {
@@ -575,7 +575,7 @@ fn job_json(settings: &Settings, document: Option<&Document>) -> Value {
 }
 
 fn job_text(path: &Path, settings: &Settings) -> String {
-    let job = &settings.job;
+    let job = settings.job();
     let mut lines = vec![format!(
         "{}: job, {} volumes, {} lights, {} samples per pixel, seed {}",
         path.display(),

@@ -1,7 +1,9 @@
 //! One file per command.
 
+#[cfg(feature = "lab")]
 pub(crate) mod chart;
 pub(crate) mod check;
+#[cfg(feature = "lab")]
 pub(crate) mod compare;
 pub(crate) mod info;
 pub(crate) mod plan;
@@ -17,6 +19,7 @@ use crate::failure::Failure;
 use crate::input::Input;
 use crate::outputs;
 use crate::settings::{Overrides, Settings};
+use crate::words;
 
 /// A scene, ready to render.
 pub(crate) struct Prepared {
@@ -55,10 +58,13 @@ fn resolve(input: &InputOptions, overrides: &Overrides) -> Result<Settings, Fail
     Settings::resolve(Input::open(&input.input, &input.vdb_options())?, &overrides)
 }
 
-fn load(mut settings: Settings) -> Result<Prepared, Failure> {
+fn load(settings: Settings) -> Result<Prepared, Failure> {
     let loaded = settings.load()?;
     for note in &loaded.notes {
         tracing::info!("{note}");
+    }
+    for hint in &loaded.hints {
+        tracing::info!("{}", words::hint(*hint));
     }
     for warning in &loaded.warnings {
         tracing::warn!("{warning}");
@@ -80,7 +86,8 @@ fn load(mut settings: Settings) -> Result<Prepared, Failure> {
             );
         }
     }
-    let plan = Plan::new(&loaded.scene, &settings.render)?;
+    let plan = Plan::new(&loaded.scene, &settings.render)
+        .map_err(|error| words::of_job(&settings, error))?;
     // What the plan adds to what the files say.
     for item in plan.not_modelled.iter().skip(loaded.scene.not_modelled.len()) {
         tracing::warn!("not modelled: {item}");

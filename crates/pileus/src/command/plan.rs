@@ -1,17 +1,42 @@
 //! `pileus plan`.
 
+use pileus_integrator::{Plan, Prepass, Renderer};
+use serde::Serialize;
+
 use crate::cli::PlanOptions;
 use crate::command::{Prepared, prepare};
 use crate::failure::Failure;
 use crate::report::Report;
 use crate::settings::Overrides;
+use crate::words;
+
+/// The plan, and with `--predict` what some paths ahead have told.
+#[derive(Serialize)]
+struct PlanAndPrepass<'a> {
+    #[serde(flatten)]
+    plan: &'a Plan,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    prepass: Option<&'a Prepass>,
+}
 
 pub(crate) fn run(options: &PlanOptions, report: &Report) -> Result<(), Failure> {
-    let Prepared { plan, .. } = prepare(&options.input, &Overrides::default())?;
+    let Prepared { settings, loaded, plan } = prepare(&options.input, &Overrides::default())?;
+    let renderer = match options.predict {
+        true => Some(
+            Renderer::new(&loaded.scene, &settings.render)
+                .map_err(|error| words::of_job(&settings, error))?,
+        ),
+        false => None,
+    };
+    let prepass = renderer.as_ref().map(Renderer::prepass);
     if options.json {
-        report.json(&plan);
+        report.json(&PlanAndPrepass { plan: &plan, prepass });
     } else {
-        report.text(plan.to_string().trim_end());
+        let told = prepass.map(ToString::to_string).unwrap_or_default();
+        report.text(format!("{plan}{told}").trim_end());
+    }
+    for warning in prepass.iter().flat_map(|prepass| &prepass.warnings) {
+        tracing::warn!("{warning}");
     }
     Ok(())
 }

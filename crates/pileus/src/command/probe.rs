@@ -19,9 +19,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-use crate::cli::{
-    InterpolationArgument, ProbeOptions, Question, TransmittanceOptions, ValuesOptions,
-};
+use crate::cli::{ProbeOptions, Question, TransmittanceOptions, ValuesOptions};
 use crate::command::info::ToJson;
 use crate::failure::Failure;
 use crate::input::read_text;
@@ -81,7 +79,7 @@ fn values(options: &ValuesOptions) -> Result<Value, Failure> {
         .into_iter()
         .map(|point| world_to_index.transform_point3(DVec3::from_array(point)))
         .collect();
-    let nearest = options.interpolation == InterpolationArgument::Nearest;
+    let nearest = options.interpolation == Interpolation::Nearest;
     let (values, active): (Vec<Value>, Vec<bool>) = match &grid.values {
         Values::Float(tree) => look_up(tree, &points, nearest),
         Values::Double(tree) => look_up(tree, &points, nearest),
@@ -201,14 +199,7 @@ struct RayAnswer {
 }
 
 fn transmittance(options: &TransmittanceOptions) -> Result<Value, Failure> {
-    let Some(estimator) = Estimator::from_name(&options.estimator) else {
-        let names = Estimator::ALL.map(Estimator::name);
-        let near = pileus_scene::json::nearest(&options.estimator, names).unwrap_or_default();
-        return Err(Failure::usage(
-            format!("there is no estimator `{}`", options.estimator),
-            format!("did you mean `{near}`? There are {}", names.join(", ")),
-        ));
-    };
+    let estimator = options.estimator;
     if options.samples == 0 {
         return Err(Failure::usage("no samples", "take at least one"));
     }
@@ -217,10 +208,7 @@ fn transmittance(options: &TransmittanceOptions) -> Result<Value, Failure> {
     let index = file.find(&options.grid).map_err(no_grid)?;
     let grid = file.read(index)?;
     let index_to_world = affine(grid.info.transform.index_to_world()?);
-    let interpolation = match options.interpolation {
-        InterpolationArgument::Nearest => Interpolation::Nearest,
-        InterpolationArgument::Trilinear => Interpolation::Trilinear,
-    };
+    let interpolation = options.interpolation;
     let grid = VoxelGrid::from_tree(&grid.to_float()?, &VoxelGridOptions { interpolation })?;
     let medium = GridMedium::new(
         Arc::new(grid),
@@ -242,7 +230,7 @@ fn transmittance(options: &TransmittanceOptions) -> Result<Value, Failure> {
         .map(|(i, segment)| answer(&medium, segment, estimator, options, i as u64))
         .collect();
     let dropped: u64 = answers.iter().map(|answer| answer.dropped).sum();
-    Ok(json!({ "estimator": options.estimator, "rays": answers, "dropped": dropped }))
+    Ok(json!({ "estimator": estimator.name(), "rays": answers, "dropped": dropped }))
 }
 
 /// A ray's stretch with a unit direction, starting at its origin.
@@ -331,7 +319,8 @@ fn answer(
 }
 
 fn generator(seed: u64, stream: u64) -> Pcg64Mcg {
-    // Two odd multipliers (the golden ratio and that of splitmix64) keep close seeds and rays apart.
+    // Two odd multipliers (the golden ratio and that of splitmix64) keep close seeds and rays
+    // apart.
     let high = seed.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     let low = stream.wrapping_add(1).wrapping_mul(0xbf58_476d_1ce4_e5b9) ^ high.rotate_left(32);
     Pcg64Mcg::new(u128::from(high) << 64 | u128::from(low))

@@ -14,6 +14,8 @@ use crate::failure::Failure;
 use crate::machine::Signals;
 use crate::record::{PlanAndCost, Seconds, Stats, VERSION, metadata};
 use crate::report::{Progress, Report};
+use crate::settings::job_hash;
+use crate::words;
 
 struct Watch<'a> {
     signals: &'a Signals,
@@ -36,10 +38,11 @@ pub(crate) fn run(options: &RenderOptions, report: &Report) -> Result<(), Failur
     let Prepared { settings, loaded, .. } = prepare_to_write(&options.input, &options.overrides())?;
     let scene = &loaded.scene;
     if let Some(path) = &options.save_job {
-        write_json(path, &settings.saved_job())?;
+        write_json(path, &settings.saved_job(scene))?;
         tracing::info!("{}: the job, to go on from", path.display());
     }
-    let renderer = Renderer::new(scene, &settings.render)?;
+    let renderer =
+        Renderer::new(scene, &settings.render).map_err(|error| words::of_job(&settings, error))?;
     let prepass = renderer.prepass();
     for warning in &prepass.warnings {
         tracing::warn!("{warning}");
@@ -59,7 +62,7 @@ pub(crate) fn run(options: &RenderOptions, report: &Report) -> Result<(), Failur
     let counters = renderer.render(&mut film, &watch);
     seconds.render = sampling.elapsed().as_secs_f64();
     progress.finish();
-    let counters = counters?;
+    let counters = counters.map_err(|error| words::of_job(&settings, error))?;
     if film.samples() == 0 {
         return Err(Failure::Interrupted {
             what: "stopped before every pixel had a sample: nothing was written".into(),
@@ -85,7 +88,8 @@ pub(crate) fn run(options: &RenderOptions, report: &Report) -> Result<(), Failur
     }
 
     let writing = Instant::now();
-    let job_hash = settings.job_hash();
+    let job = settings.recorded_job(scene);
+    let job_hash = job_hash(&job);
     let mut image = film.image();
     let variance = film.variance();
     let beyond = variance.channels().iter().flat_map(|c| &c.samples).filter(|v| **v == f32::MAX);
@@ -97,7 +101,7 @@ pub(crate) fn run(options: &RenderOptions, report: &Report) -> Result<(), Failur
     let exr = ExrSettings {
         half: settings.outputs.half,
         parallel: rayon::current_num_threads() > 1,
-        metadata: metadata(&settings, &plan, &counters, film.samples(), &job_hash),
+        metadata: metadata(&settings, (&job, &job_hash), &plan, &counters, film.samples()),
         ..ExrSettings::default()
     };
     let outputs = &settings.outputs;

@@ -445,7 +445,7 @@ fn bodies_without_a_back_end() {
 
 /// Densities with which a walk takes a million collisions and more.
 #[test]
-fn checks_trace_nothing_and_plans_do_little() {
+fn checks_and_plans_trace_nothing_and_predictions_do_little() {
     for (pointer, value) in [
         ("/volumes/0/density/scale", json!(1e12)),
         ("/volumes/0/density/scale", json!(1e20)),
@@ -455,16 +455,21 @@ fn checks_trace_nothing_and_plans_do_little() {
         let (parent, key) = pointer.rsplit_once('/').unwrap();
         job.pointer_mut(parent).unwrap()[key] = value;
         let folder = folder(&[("job.json", &job.to_string())]);
-        for command in ["check", "plan"] {
-            let (code, said) = ends(folder.path(), &[command, "job.json"]);
+        for arguments in
+            [&["check", "job.json"][..], &["plan", "job.json"], &["plan", "job.json", "--predict"]]
+        {
+            let (code, said) = ends(folder.path(), arguments);
             assert_eq!(code, 0, "{said}");
             assert!(!said.contains("expected"), "{said}");
-            assert_eq!(said.contains("no paths are traced"), command == "plan", "{said}");
+            let asked = arguments.contains(&"--predict");
+            assert_eq!(said.contains("no paths are traced"), asked, "{said}");
         }
     }
     let folder = folder(&[("job.json", &sphere_job().to_string())]);
-    let (_, said) = ends(folder.path(), &["plan", "job.json"]);
+    let (_, said) = ends(folder.path(), &["plan", "job.json", "--predict"]);
     assert!(said.contains("expected       "), "{said}");
+    let (_, said) = ends(folder.path(), &["plan", "job.json"]);
+    assert!(!said.contains("expected       "), "{said}");
 }
 
 #[cfg(unix)]

@@ -95,6 +95,7 @@ fn info_shows_what_an_image_holds() {
     assert_eq!(run(here.path(), &["info", "no.exr"]).status.code(), Some(3));
 }
 
+#[cfg(feature = "lab")]
 #[test]
 fn compare_reads_lossy_and_grey_files() {
     use exr::prelude as x;

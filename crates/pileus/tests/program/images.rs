@@ -161,6 +161,7 @@ fn environment_images_light_the_scene() {
     assert!((image.get("B", 16, 18).unwrap() - 0.2).abs() < 1e-4);
 }
 
+#[cfg(feature = "lab")]
 #[test]
 fn images_are_compared() {
     let folder = folder(&[("job.json", &sphere_job().to_string())]);

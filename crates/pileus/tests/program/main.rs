@@ -1,6 +1,7 @@
 //! The built program with good and bad inputs.
 
 mod agreement;
+#[cfg(feature = "lab")]
 mod chart;
 mod clamped;
 mod endless;

@@ -156,6 +156,7 @@ fn inputs_are_not_overwritten() {
     assert_eq!(after, ["wood.exr"]);
 }
 
+#[cfg(feature = "lab")]
 #[test]
 fn other_commands_overwrite_nothing_either() {
     let folder = folder(&[("a.json", &quick(json!({ "image": "a.exr" })).to_string())]);

@@ -15,7 +15,9 @@
 //! searched for them.
 
 use std::cmp::Ordering;
+use std::hash::Hasher;
 
+use fnv::FnvHasher;
 use glam::{DAffine3, DVec3, Vec3};
 use rand_core::Rng;
 
@@ -435,10 +437,11 @@ fn digest(material: &Material) -> u64 {
             .as_slice(),
     ]
     .concat();
-    let bytes = numbers.into_iter().chain(texels.flatten()).flat_map(f32::to_le_bytes);
-    bytes.fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
-        (hash ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3)
-    })
+    let mut hasher = FnvHasher::default();
+    for number in numbers.into_iter().chain(texels.flatten()) {
+        hasher.write(&number.to_le_bytes());
+    }
+    hasher.finish()
 }
 
 #[cfg(test)]

@@ -19,6 +19,7 @@ mod tree;
 pub mod triangle;
 
 use glam::{DAffine3, DMat3, DVec3, Vec3};
+use pileus_media::Named;
 use rand_core::Rng;
 
 pub use emitter::EmissiveTriangle;
@@ -48,6 +49,29 @@ pub enum GlassRule {
     /// where an artist made a glass ball (Blender's does).
     #[default]
     ClosedMeshesAreSolid,
+}
+
+impl Named for GlassRule {
+    const ALL: &'static [GlassRule] = &[GlassRule::ByTheLetter, GlassRule::ClosedMeshesAreSolid];
+    const TITLE: &'static str = "Glass";
+    const QUESTION: &'static str = "What a transmissive surface without `KHR_materials_volume` is";
+
+    fn name(self) -> &'static str {
+        match self {
+            GlassRule::ByTheLetter => "by_the_letter",
+            GlassRule::ClosedMeshesAreSolid => "closed_meshes_are_solid",
+        }
+    }
+
+    fn about(self) -> &'static str {
+        match self {
+            GlassRule::ByTheLetter => "An infinitely thin wall that bends nothing, as glTF says.",
+            GlassRule::ClosedMeshesAreSolid => {
+                "A body that bends light if its mesh is closed, as modelling programs mean it; \
+                 else a thin wall."
+            }
+        }
+    }
 }
 
 /// All surfaces of a scene, immutable.

@@ -1,0 +1,168 @@
+//! What the schema of jobs says beyond the types of keys, so that editors find what the program
+//! would refuse. What is a relation between several numbers (a crop inside its resolution, a camera
+//! that looks at its own place) is left to the program.
+
+use pileus_film::MAX_PIXELS;
+use pileus_scene::schema_rule::{
+    absent, both, direction, given, implies, later, none_of, rule, with,
+};
+use schemars::Schema;
+use serde_json::{Value, json};
+
+/// Pattern: the name of an EXR file; a `#` is not replaced by a frame number, and refused.
+pub(crate) const EXR: &str = "^([^\\u0000]*/)?[^#/\\u0000]+\\.[eE][xX][rR]$";
+/// Pattern: the name of a PNG file.
+pub(crate) const PNG: &str = "^([^\\u0000]*/)?[^#/\\u0000]+\\.[pP][nN][gG]$";
+/// Pattern: the name of any file.
+pub(crate) const FILE: &str = "^([^\\u0000]*/)?[^#/\\u0000]+$";
+/// Pattern: the name of a structure of majorants.
+pub(crate) const MAJORANTS: &str =
+    "^(auto|adaptive|hierarchy|kd_tree|global|uniform_0*[1-9][0-9]{0,8})$";
+
+/// Which keys of a job need or exclude each other.
+pub(crate) fn job() -> Value {
+    let bounded = with("bounds", json!({ "type": "array" }));
+    let framed = json!({ "anyOf": [given("vdb"), with("homogeneous", bounded)] });
+    json!([
+        rule(
+            implies(with("camera", given("node")), given("scene")),
+            "the camera is a node, but the job names no glTF scene",
+            "add `scene`",
+        ),
+        rule(
+            json!({ "anyOf": [
+                given("scene"),
+                with("camera", given("position")),
+                with("volumes", json!({ "type": "array", "contains": framed })),
+            ] }),
+            "there is no camera, and no scene and no volume with an end that could be framed",
+            "give the job a `camera` with `position` and `look_at`",
+        ),
+    ])
+}
+
+/// How a camera is placed.
+pub(crate) fn camera() -> Value {
+    json!([
+        rule(
+            implies(given("node"), none_of(&["position", "look_at", "up", "fov_y"])),
+            "the camera has a `node` and a placement of its own",
+            "keep one of the two",
+        ),
+        rule(
+            json!({ "anyOf": [
+                both(given("position"), given("look_at")),
+                none_of(&["position", "look_at", "up"]),
+            ] }),
+            "the camera is placed by half",
+            "give both `position` and `look_at`, or neither to frame the volumes",
+        ),
+    ])
+}
+
+/// What an environment is made of.
+pub(crate) fn environment() -> Value {
+    json!([
+        rule(
+            json!({ "oneOf": [given("radiance"), given("image")] }),
+            "an environment has either `radiance` or `image`",
+            "give one of the two",
+        ),
+        rule(
+            implies(given("radiance"), none_of(&["intensity", "rotation_y"])),
+            "`intensity` and `rotation_y` belong to environments with an `image`",
+            "remove them",
+        ),
+    ])
+}
+
+/// Where the sun of a sky stands.
+pub(crate) fn sky() -> Value {
+    json!([rule(
+        json!({ "anyOf": [
+            both(given("to_sun"), none_of(&["elevation", "azimuth"])),
+            both(given("elevation"), absent("to_sun")),
+        ] }),
+        "it is not clear where the sky's sun stands",
+        "give either `to_sun`, or `elevation` and `azimuth`",
+    )])
+}
+
+/// One image of the environment at most, a sky being one.
+pub(crate) fn one_image(schema: &mut Schema) {
+    let kind = |name: &str| with("type", json!({ "const": name }));
+    let image = json!({ "anyOf": [kind("sky"), both(kind("environment"), given("image"))] });
+    let one = json!({ "contains": image, "minContains": 0, "maxContains": 1 });
+    insert_rule(
+        schema,
+        later(
+            one,
+            "there are two images of the environment (a sky is one)",
+            "use one `sky` or one `image`; constant environments may be added to it",
+        ),
+    );
+}
+
+/// A vector with a direction.
+pub(crate) fn directed(schema: &mut Schema) {
+    insert_rule(schema, direction());
+}
+
+/// Numbers or colours of at most 1.
+pub(crate) fn at_most_one(schema: &mut Schema) {
+    schema.insert("maximum".into(), 1.into());
+    schema.insert("items".into(), json!({ "maximum": 1 }));
+}
+
+/// The image has pixels, and neither side exceeds what an image may have in all.
+pub(crate) fn resolution(schema: &mut Schema) {
+    insert_rule(
+        schema,
+        rule(
+            json!({ "items": { "minimum": 1, "maximum": MAX_PIXELS } }),
+            "the image has no pixels, or too many",
+            "use a width and a height of at least 1, and fewer than 2^28 pixels",
+        ),
+    );
+}
+
+/// The crop has pixels.
+pub(crate) fn crop(schema: &mut Schema) {
+    let side = json!({ "minimum": 1 });
+    insert_rule(
+        schema,
+        rule(
+            json!({ "prefixItems": [true, true, side, side] }),
+            "the crop is empty",
+            "give left, top, width and height in pixels inside the resolution",
+        ),
+    );
+}
+
+/// No further outputs yet.
+pub(crate) fn no_aovs(schema: &mut Schema) {
+    insert_rule(
+        schema,
+        later(
+            json!({ "maxItems": 0 }),
+            "there is no further output of that name",
+            "leave the list empty: this version has none",
+        ),
+    );
+}
+
+/// No motion yet.
+pub(crate) fn shutter(schema: &mut Schema) {
+    insert_rule(
+        schema,
+        later(
+            json!({ "items": { "const": 0 } }),
+            "motion is not rendered by this version",
+            "set the shutter to [0, 0] or remove it",
+        ),
+    );
+}
+
+fn insert_rule(schema: &mut Schema, fragment: Value) {
+    schema.insert("allOf".into(), json!([fragment]));
+}

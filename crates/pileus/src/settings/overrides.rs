@@ -1,0 +1,46 @@
+//! What the command line changes about a job.
+
+use std::path::PathBuf;
+
+use crate::job::{CameraSpec, Job};
+
+/// What the command line changes about a job.
+#[derive(Debug, Clone, Default)]
+pub struct Overrides {
+    /// Where the image goes, relative to the current folder.
+    pub image: Option<PathBuf>,
+    /// Where the preview goes, relative to the current folder.
+    pub preview: Option<PathBuf>,
+    /// Samples per pixel.
+    pub spp: Option<u64>,
+    /// Seed.
+    pub seed: Option<u64>,
+    /// Width and height of the full image, pixels.
+    pub resolution: Option<[u32; 2]>,
+    /// Name of a camera of the scene.
+    pub camera: Option<String>,
+    /// Write no preview.
+    pub no_preview: bool,
+    /// Write no statistics.
+    pub no_stats: bool,
+    /// Where to write the job that renders the same image again, relative to the current folder.
+    pub save_job: Option<PathBuf>,
+}
+
+impl Overrides {
+    /// A job with what is rendered changed; where files go is not.
+    pub(super) fn applied_to(&self, mut job: Job) -> Job {
+        if self.spp.is_some() || self.seed.is_some() {
+            let sampling = job.sampling.get_or_insert_default();
+            sampling.spp = self.spp.or(sampling.spp);
+            sampling.seed = self.seed.or(sampling.seed);
+        }
+        if self.camera.is_some() {
+            job.camera = Some(CameraSpec { node: self.camera.clone(), ..CameraSpec::default() });
+        }
+        if self.resolution.is_some() {
+            job.film.get_or_insert_default().resolution = self.resolution;
+        }
+        job
+    }
+}
