@@ -12,6 +12,9 @@ pub enum Error {
         /// What to do about it.
         remedy: String,
     },
+    /// The film has no memory for the samples of a pass.
+    #[error(transparent)]
+    Film(#[from] pileus_film::Error),
     /// The settings contradict themselves or the film.
     #[error("{what}; {remedy}")]
     Invalid {

@@ -91,7 +91,9 @@ impl Failure {
             Self::Scene(error) => scene_exit(error),
             Self::Vdb(error) => vdb_exit(error),
             Self::Media(error) => media_exit(error),
-            Self::Film(error) | Self::Lab(pileus_lab::Error::Film(error)) => match error {
+            Self::Film(error)
+            | Self::Lab(pileus_lab::Error::Film(error))
+            | Self::Integrator(pileus_integrator::Error::Film(error)) => match error {
                 Film::Io { .. } | Film::Missing { .. } => Exit::Io,
                 Film::Unsupported { .. } => Exit::Unsupported,
                 _ => Exit::Invalid,

@@ -421,15 +421,16 @@ fn even_null<'de, D: Deserializer<'de>, T: Deserialize<'de>>(
 /// Which files are written, each beside its target and renamed when it is whole.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[schemars(extend("allOf" = rules::output()))]
 pub struct OutputSpec {
-    /// The image, OpenEXR: linear radiance, alpha, and the variance of each pixel's mean as the
-    /// layer `variance`. Default: the name of the job with `.exr`, in the current folder.
+    /// The image, OpenEXR: linear radiance and alpha, and nothing else, which is what all programs
+    /// read. Default: the name of the job with `.exr`, in the current folder.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("examples" = ["cloud.exr"]))]
     #[schemars(extend("pattern" = rules::EXR))]
     pub image: Option<String>,
-    /// Store the image's colours and alpha as 16-bit floats: half the size, values beyond 65504 are clamped and counted. The
-    /// variance stays 32-bit.
+    /// Store the image's colours and alpha as 16-bit floats: half the size, values beyond 65504 are clamped and counted.
+    /// Layers stay 32-bit.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("default" = false))]
     pub half: Option<bool>,
@@ -447,11 +448,22 @@ pub struct OutputSpec {
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "even_null")]
     #[schemars(extend("examples" = ["cloud.stats.json"], "pattern" = rules::FILE))]
     pub stats: Option<Option<String>>,
-    /// Further quantities to write. This version has none: the list must be empty.
+    /// Layers to keep beside radiance, alpha and variance, which are always kept.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("default" = []))]
-    #[schemars(extend("maxItems" = 0))]
+    #[schemars(transform = rules::aovs)]
     pub aovs: Option<Vec<String>>,
+    /// Where the layers go, OpenEXR with 32-bit floats; null for nowhere. Default: the image's path
+    /// with `.layers.exr`. With `-o` on the command line it follows the image.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "even_null")]
+    #[schemars(extend("examples" = ["cloud.layers.exr"]))]
+    #[schemars(extend("pattern" = rules::EXR))]
+    pub layers: Option<Option<String>>,
+    /// Write the layers into the image instead of a file of their own: scripts in Blender get no
+    /// pixels of such an image, and Mitsuba takes it for no environment or texture.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("default" = false))]
+    pub layers_in_image: Option<bool>,
 }
 
 #[cfg(test)]

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use glam::{DVec3, Vec3};
-use pileus_film::{Crop, Filter};
+use pileus_film::{Crop, FIRST_LAYERS, Filter, LAYERS, Layer, VARIANCE};
 use pileus_integrator::{
     DEFAULT_MAX_EVENTS, Distance, RenderSettings, ShadowRoulette, Transmittance,
 };
@@ -57,6 +57,8 @@ pub struct Overrides {
     pub no_preview: bool,
     /// Write no statistics.
     pub no_stats: bool,
+    /// Write no layers.
+    pub no_layers: bool,
     /// Where to write the job that renders the same image again, relative to the current folder.
     pub save_job: Option<PathBuf>,
 }
@@ -74,6 +76,26 @@ pub struct Outputs {
     pub exposure: f32,
     /// Counters and times.
     pub stats: Option<PathBuf>,
+    /// Layers that the film has beside the first ones.
+    pub further: Vec<&'static Layer>,
+    /// Where the layers go that are not the picture.
+    pub layers: LayersTo,
+}
+
+/// Where the layers of an image go.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum LayersTo {
+    /// Into an EXR of their own.
+    File(PathBuf),
+    /// Into the image.
+    Image,
+    /// They are not written.
+    Nowhere,
+}
+
+/// The name of the file with the layers of an image, unless another one was asked for.
+pub(crate) fn layers_beside(image: &Path) -> PathBuf {
+    image.with_extension("layers.exr")
 }
 
 /// A job without options.
@@ -210,11 +232,14 @@ impl Settings {
     /// What is written, for messages and to be checked; `pixels`: how many the image has, if that
     /// is known.
     pub(crate) fn targets(&self, pixels: u64) -> Vec<Target> {
-        let Outputs { image, half, preview, stats, .. } = &self.outputs;
+        let Outputs { image, half, preview, stats, further, layers, .. } = &self.outputs;
         let of_image = self.overrides.image.is_some();
         let at = |key: &str, by_option: bool| (!by_option).then(|| self.places.at(key));
-        // Colour and alpha, and the variance of each in single precision, and the job's text.
-        let per_pixel = if *half { 4 * 2 + 4 * 4 } else { 4 * 4 + 4 * 4 };
+        // Colour and alpha; variances and what was asked for in single precision; the job's text.
+        let picture = if *half { 4 * 2 } else { 4 * 4 };
+        let channels: usize = further.iter().map(|layer| layer.channels.len()).sum();
+        let of_layers = 4 * (VARIANCE.channels.len() + channels) as u64;
+        let per_pixel = if *layers == LayersTo::Image { picture + of_layers } else { picture };
         let mut targets = vec![Target {
             what: "the image",
             path: image.clone(),
@@ -230,6 +255,15 @@ impl Settings {
             remedy: "name another file: `preview` under `output`, or --preview on the command \
                      line; null or --no-preview for none",
         }));
+        if let LayersTo::File(path) = layers {
+            targets.push(Target {
+                what: "the file of layers",
+                path: path.clone(),
+                at: at("/output/layers", of_image),
+                bytes: pixels.saturating_mul(of_layers).saturating_add(1 << 12),
+                remedy: "name another file: `layers` under `output`; null or --no-layers for none",
+            });
+        }
         targets.extend(stats.iter().map(|path| Target {
             what: "the statistics file",
             path: path.clone(),
@@ -286,13 +320,22 @@ impl Settings {
                 *name = whole(Path::new(name));
             }
         }
-        let Outputs { image, preview, stats, exposure, .. } = &self.outputs;
+        let Outputs { image, preview, stats, exposure, layers, .. } = &self.outputs;
+        let mut output = job.output.unwrap_or_default();
+        if *layers == LayersTo::Nowhere {
+            (output.aovs, output.layers_in_image) = (None, None);
+        }
         job.output = Some(OutputSpec {
             image: Some(here(image)),
             preview: Some(preview.as_deref().map(here)),
             stats: Some(stats.as_deref().map(here)),
             exposure: Some(*exposure),
-            ..job.output.unwrap_or_default()
+            layers: match layers {
+                LayersTo::File(path) => Some(Some(here(path))),
+                LayersTo::Image => None,
+                LayersTo::Nowhere => Some(None),
+            },
+            ..output
         });
         job
     }
@@ -504,13 +547,20 @@ fn outputs(
 ) -> Result<Outputs, Failure> {
     let default = OutputSpec::default();
     let output = job.output.as_ref().unwrap_or(&default);
-    if let Some(name) = output.aovs.iter().flatten().next() {
-        return Err(places.unsupported(
-            "/output/aovs/0",
-            &format!("there is no further output `{name}`"),
-            "leave the list empty: this version has none",
-        ));
+    let asked_for: Vec<&String> = output.aovs.iter().flatten().collect();
+    for (i, name) in asked_for.iter().enumerate() {
+        if Layer::named(name).is_none_or(Layer::is_picture) {
+            let names = LAYERS.iter().filter(|layer| !layer.is_picture()).map(|layer| layer.name);
+            return Err(places.unsupported(
+                &format!("/output/aovs/{i}"),
+                &format!("there is no layer `{name}` in this version"),
+                &format!("take of: {}", names.collect::<Vec<_>>().join(", ")),
+            ));
+        }
     }
+    // In the order of the table, whatever the job's: slices of equal jobs merge.
+    let mut further = LAYERS[FIRST_LAYERS..].to_vec();
+    further.retain(|layer| asked_for.iter().any(|name| *name == layer.name));
     let stem = input.file_stem().map_or_else(|| "pileus".into(), |s| s.to_string_lossy());
     let image = match (&overrides.image, &output.image) {
         (Some(path), _) => path.clone(),
@@ -546,6 +596,24 @@ fn outputs(
         Some(Some(name)) => Some(base.join(name)),
         None => Some(image.with_extension("stats.json")),
     };
+    let layers = match &output.layers {
+        _ if overrides.no_layers => LayersTo::Nowhere,
+        _ if output.layers_in_image == Some(true) => LayersTo::Image,
+        Some(None) => LayersTo::Nowhere,
+        Some(Some(name)) if overrides.image.is_none() => LayersTo::File(base.join(name)),
+        _ => LayersTo::File(layers_beside(&image)),
+    };
+    let layers_file = match &layers {
+        LayersTo::File(path) => Some(path),
+        LayersTo::Image | LayersTo::Nowhere => None,
+    };
+    if layers == LayersTo::Nowhere {
+        further.clear();
+    }
+    if layers_file.is_some_and(|path| !has_extension(path, "exr")) {
+        let remedy = "name the file .exr";
+        return Err(places.invalid("/output/layers", "layers are written as OpenEXR", remedy));
+    }
     let named = [
         (overrides.image.is_some(), output.image.is_some(), "/output/image", Some(&image)),
         (
@@ -555,6 +623,7 @@ fn outputs(
             preview.as_ref(),
         ),
         (false, matches!(output.stats, Some(Some(_))), "/output/stats", stats.as_ref()),
+        (false, matches!(output.layers, Some(Some(_))), "/output/layers", layers_file),
     ];
     for (by_option, by_job, pointer, path) in named {
         let by_job = by_job && matches!(places, Places::Job(_));
@@ -575,7 +644,8 @@ fn outputs(
         let what = format!("the exposure is {exposure} stops");
         return Err(places.invalid("/output/exposure", what, "use -64 to 64"));
     }
-    Ok(Outputs { image, half: output.half.unwrap_or(false), preview, exposure, stats })
+    let half = output.half.unwrap_or(false);
+    Ok(Outputs { image, half, preview, exposure, stats, further, layers })
 }
 
 fn has_extension(path: &Path, wanted: &str) -> bool {

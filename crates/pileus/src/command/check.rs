@@ -11,10 +11,8 @@ use crate::settings::Overrides;
 pub(crate) fn run(options: &InputOptions, report: &Report) -> Result<(), Failure> {
     // No path is traced: it takes as long as loading does.
     let overrides = Overrides::default();
-    let Prepared { settings, loaded, .. } =
+    let Prepared { settings, loaded, film, .. } =
         prepare_to_write(Plan::without_paths, options, &overrides)?;
-    // What only the film can refuse, a crop outside the image for one.
-    pileus_film::Film::new(loaded.scene.camera.resolution(), settings.crop)?;
     let [width, height] = loaded.scene.camera.resolution();
     let environment = match &loaded.scene.environment {
         environment if environment.image.is_some() => "an image",
@@ -29,6 +27,7 @@ pub(crate) fn run(options: &InputOptions, report: &Report) -> Result<(), Failure
         loaded.scene.lights.len(),
         settings.render.samples.end,
     ));
+    report.text(format_args!("  {film}"));
     // The job itself is named above.
     for file in settings.reads(Some(&loaded)).iter().skip(1) {
         report.text(format_args!("  reads {}", file.display()));

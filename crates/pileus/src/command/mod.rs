@@ -14,6 +14,7 @@ use pileus_scene::{Loaded, Scene, VolumeSource};
 
 use crate::cli::InputOptions;
 use crate::failure::Failure;
+use crate::film_plan::FilmPlan;
 use crate::input::Input;
 use crate::outputs;
 use crate::settings::{Overrides, Settings};
@@ -22,6 +23,7 @@ use crate::settings::{Overrides, Settings};
 pub(crate) struct Prepared {
     pub(crate) settings: Settings,
     pub(crate) loaded: Loaded,
+    pub(crate) film: FilmPlan,
     pub(crate) plan: Plan,
 }
 
@@ -44,13 +46,8 @@ pub(crate) fn prepare_to_write(
     let settings = resolve(input, overrides)?;
     outputs::check(&settings.reads(None), &settings.targets(0))?;
     let prepared = load(settings, planned)?;
-    let Prepared { settings, loaded, .. } = &prepared;
-    let [width, height] = match settings.crop {
-        Some(crop) => [crop.width, crop.height],
-        None => loaded.scene.camera.resolution(),
-    };
-    let pixels = u64::from(width) * u64::from(height);
-    outputs::check(&settings.reads(Some(loaded)), &settings.targets(pixels))?;
+    let Prepared { settings, loaded, film, .. } = &prepared;
+    outputs::check(&settings.reads(Some(loaded)), &settings.targets(film.pixels()))?;
     Ok(prepared)
 }
 
@@ -84,6 +81,7 @@ fn load(mut settings: Settings, planned: Planned) -> Result<Prepared, Failure> {
             );
         }
     }
+    let film = FilmPlan::of(&settings, &loaded.scene)?;
     let plan = planned(&loaded.scene, &settings.render)?;
     // What the plan adds to what the files say.
     for item in plan.not_modelled.iter().skip(loaded.scene.not_modelled.len()) {
@@ -95,5 +93,5 @@ fn load(mut settings: Settings, planned: Planned) -> Result<Prepared, Failure> {
     for limit in &plan.biased {
         tracing::info!("biased: {limit}");
     }
-    Ok(Prepared { settings, loaded, plan })
+    Ok(Prepared { settings, loaded, film, plan })
 }

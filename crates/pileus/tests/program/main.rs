@@ -10,6 +10,7 @@ mod images;
 mod info;
 mod interrupt;
 mod jobs;
+mod layers;
 mod others;
 mod outputs;
 mod probe;
