@@ -3,8 +3,9 @@
 use std::ffi::OsStr;
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{self, BufWriter, Write};
-use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::path::Path;
+
+use tempfile::{Builder, TempPath};
 
 use crate::error::Error;
 
@@ -12,6 +13,8 @@ use crate::error::Error;
 const PREFIX: &str = ".pileus-";
 /// What they end with.
 const SUFFIX: &str = ".tmp";
+/// Letters and digits in between, at random.
+const RANDOM: usize = 6;
 
 /// Writes a file beside `path` under a temporary name and renames it when it is complete.
 ///
@@ -41,14 +44,13 @@ pub fn check_writable(path: &Path, bytes: u64) -> Result<(), Error> {
     static ZEROS: [u8; 1 << 16] = [0; 1 << 16];
     let mut temporary = begin(path)?;
     let mut fill = || {
-        let Some(file) = &mut temporary.file else { return Ok(()) };
         let mut left = bytes;
         while left > 0 {
             let part = usize::try_from(left).unwrap_or(usize::MAX).min(ZEROS.len());
-            file.write_all(&ZEROS[..part])?;
+            temporary.file.write_all(&ZEROS[..part])?;
             left -= part as u64;
         }
-        file.flush()
+        temporary.file.flush()
     };
     fill().map_err(|e| Error::io(path, "write that many bytes there", e))
 }
@@ -74,14 +76,16 @@ pub fn remove_abandoned(folder: &Path) -> usize {
     removed
 }
 
-/// Whether a file bears a name that [`Temporary`] gives: the prefix, a process, a serial number.
+/// Whether a file bears a name that [`Temporary`] gives: the prefix, letters and digits, the suffix.
+/// Releases before 2027 put a process and a serial number in between.
 fn is_temporary(name: &OsStr) -> bool {
     let name = name.to_str();
     let middle = name.and_then(|n| n.strip_prefix(PREFIX)).and_then(|n| n.strip_suffix(SUFFIX));
     let number = |text: &str| !text.is_empty() && text.bytes().all(|b| b.is_ascii_digit());
-    middle
-        .and_then(|middle| middle.split_once('-'))
-        .is_some_and(|(process, serial)| number(process) && number(serial))
+    middle.is_some_and(|middle| match middle.split_once('-') {
+        Some((process, serial)) => number(process) && number(serial),
+        None => middle.len() == RANDOM && middle.bytes().all(|b| b.is_ascii_alphanumeric()),
+    })
 }
 
 /// A temporary file for a target that a file can take the place of.
@@ -113,66 +117,53 @@ fn begin(path: &Path) -> Result<Temporary, Error> {
 
 /// A file that removes itself unless it was renamed. It is locked as long as it is open.
 struct Temporary {
-    path: PathBuf,
-    file: Option<File>,
+    file: File,
+    // Behind the file, which some systems want closed before it is removed.
+    path: TempPath,
 }
 
 impl Temporary {
     fn create(target: &Path) -> io::Result<Self> {
-        static SERIAL: AtomicU32 = AtomicU32::new(0);
-        // Left-overs of killed programs may bear the number of this process.
-        for _ in 0..1000 {
-            let serial = SERIAL.fetch_add(1, Ordering::Relaxed);
-            // Not made of the target's name, which may be as long as names can be.
-            let hidden = format!("{PREFIX}{}-{serial}{SUFFIX}", std::process::id());
-            let path = target.with_file_name(hidden);
-            let file = match OpenOptions::new().read(true).write(true).create_new(true).open(&path)
-            {
-                Ok(file) => file,
-                Err(e) if e.kind() == io::ErrorKind::AlreadyExists => continue,
-                Err(e) => return Err(e),
-            };
-            match file.try_lock() {
-                // Before it was locked another program may have taken it for abandoned.
-                Ok(()) if is_removed(&file) => continue,
-                Err(TryLockError::WouldBlock) => continue,
-                // On file systems without locks nobody removes what he cannot lock.
-                Ok(()) | Err(TryLockError::Error(_)) => {}
-            }
-            return Ok(Self { path, file: Some(file) });
-        }
-        Err(io::ErrorKind::AlreadyExists.into())
+        let folder = match target.parent() {
+            Some(folder) if !folder.as_os_str().is_empty() => folder,
+            _ => Path::new("."),
+        };
+        // Not named after the target, whose name may be as long as names can be.
+        let (file, path) = Builder::new()
+            .prefix(PREFIX)
+            .suffix(SUFFIX)
+            .rand_bytes(RANDOM)
+            .make_in(folder, |path| {
+                let file = OpenOptions::new().read(true).write(true).create_new(true).open(path)?;
+                match file.try_lock() {
+                    // Before it was locked another program may have taken it for abandoned: then
+                    // another name is tried.
+                    Ok(()) if is_removed(&file) => Err(io::ErrorKind::AlreadyExists.into()),
+                    Err(TryLockError::WouldBlock) => Err(io::ErrorKind::AlreadyExists.into()),
+                    // On file systems without locks nobody removes what he cannot lock.
+                    Ok(()) | Err(TryLockError::Error(_)) => Ok(file),
+                }
+            })?
+            .into_parts();
+        Ok(Self { file, path })
     }
 
     fn finish<T>(
-        mut self,
+        self,
         target: &Path,
         write: impl FnOnce(&mut BufWriter<File>) -> io::Result<T>,
     ) -> io::Result<T> {
-        let Some(file) = self.file.take() else {
-            return Err(io::ErrorKind::NotFound.into());
-        };
+        let Self { file, path } = self;
         let mut writer = BufWriter::with_capacity(1 << 18, file);
         let value = write(&mut writer)?;
         writer.flush()?;
         let file = writer.into_inner().map_err(io::IntoInnerError::into_error)?;
         file.sync_all()?;
         // Open until it has its name, so that it stays locked.
-        fs::rename(&self.path, target)?;
+        path.persist(target).map_err(|failed| failed.error)?;
         drop(file);
-        self.path = PathBuf::new();
         sync_folder(target);
         Ok(value)
-    }
-}
-
-impl Drop for Temporary {
-    fn drop(&mut self) {
-        self.file = None;
-        if !self.path.as_os_str().is_empty() {
-            // Nothing can be done about a failure here, and the error that led here matters more.
-            let _ = fs::remove_file(&self.path);
-        }
     }
 }
 

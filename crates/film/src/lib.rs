@@ -2,9 +2,12 @@
 #![forbid(unsafe_code)]
 
 mod atomic;
+mod binned;
+mod channel_sum;
 mod checksum;
 mod color_channels;
 mod color_space;
+mod crop;
 mod error;
 mod exr_header;
 mod exr_read;
@@ -13,6 +16,9 @@ mod film;
 mod filter;
 mod guard;
 mod image;
+mod layer;
+mod layer_set;
+mod memory;
 mod moments;
 mod preview;
 mod state;
@@ -23,14 +29,19 @@ mod turns;
 pub use crate::atomic::{check_writable, remove_abandoned, write_atomically};
 pub use crate::color_channels::{ColorChannels, color_channels};
 pub use crate::color_space::{Chromaticities, ColorSpace, Remarks};
+pub use crate::crop::{Crop, MAX_PIXELS};
 pub use crate::error::Error;
 pub use crate::exr_header::{ExrChannel, ExrHeader, ExrPart, read_exr_header};
 pub use crate::exr_read::{read_exr, read_exr_color};
 pub use crate::exr_write::{ExrCompression, ExrReport, ExrSettings, write_exr};
-pub use crate::film::{Crop, Film, MAX_PIXELS};
+pub use crate::film::Film;
 pub use crate::filter::Filter;
 pub use crate::guard::{DecoderPanic, guarded};
 pub use crate::image::{Channel, Image, MAX_CHANNELS, MAX_SAMPLES, MetaValue, Window};
+pub use crate::layer::{
+    ALPHA, BEAUTY, FIRST_LAYERS, LAYERS, Layer, Reconstruction, SAMPLES, VARIANCE,
+};
+pub use crate::memory::FilmMemory;
 pub use crate::moments::{PixelMoments, PixelSample, REPLICATES};
 pub use crate::preview::{png_bytes, preview_rgb8, write_png};
 pub use crate::state::{MAX_STATE_HEADER, STATE_VERSION};

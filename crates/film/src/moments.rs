@@ -1,21 +1,7 @@
 //! Sums of one pixel in integers: any split of its samples, in any order, gives the same bits.
 //!
-//! Floating-point addition is not associative, so a render that is split over threads, machines or
-//! sessions would differ from the whole in its last bits. Integers do not have that fault.
-//!
-//! Every finite 32-bit float is kept, whatever its size. Steps are powers of two, 2^31 apart: step
-//! `k` is 2^(31 k - 150), so that nine of them span all floats. A sum has two bins, of two
-//! neighbouring steps, that is 62 bits of values at a time; which two, its window, follows from the
-//! largest sample that it has met. A sample is rounded to the upper step, what remains to the
-//! lower one, and both integers are added. When a sample is too large for the window the window
-//! moves up: the upper bin becomes the lower one and the former lower one is forgotten. What the
-//! bins hold in the end depends on the set of samples alone: any smaller sample, rounded to the
-//! upper steps, would have been the integer that moved there (zero, two windows up).
-//!
-//! So each sample is rounded once to 2^-31 of the largest sample of its pixel and channel, or
-//! finer, up to 2^-62; the samples within 2^7 of the largest, with 24 significant bits as they
-//! have, are not rounded at all. A bin has room for 2^32 samples. This is the binned summation of
-//! Demmel and Nguyen ("Parallel Reproducible Summation", 2015) in integers.
+//! Each channel has a binned sum of its own, see [`crate::binned`]; each sample is rounded once to
+//! 2^-31 of the largest of its pixel and channel, or finer.
 //!
 //! Variances come from replicates. A pixel's samples are stratified, and the spread of single
 //! samples then says how far a mean of independent samples would be off, up to seven times more
@@ -23,63 +9,18 @@
 //!
 //! A pixel takes 552 bytes (548 in a state file): 1.14 GB at 1920 x 1080.
 
+use crate::binned::{LAST_WINDOW, MAX_ADDED, joined, lower_step, moved_up, split, window_of};
+
 /// Replicates of a pixel: sample number `s` belongs to replicate `s` modulo 8.
 ///
 /// The samples of one replicate may depend on each other in any way that makes their mean better
 /// than that of independent ones; those of different replicates must be independent.
 pub const REPLICATES: usize = 8;
 
-/// Binary digits between one step and the next.
-const BIN_BITS: i32 = 31;
-/// The lowest step is two to this power, half of the smallest float.
-const LOWEST_STEP: i32 = -150;
-/// The window of the largest finite floats; the first is 0.
-const LAST_WINDOW: u8 = 8;
 /// Most samples of one replicate: 2^32 - 8 in a pixel.
-const MOST_SAMPLES: u32 = (1 << 29) - 1;
-/// Largest magnitude of what one sample adds to a bin.
-const MOST_ADDED: u64 = 1 << (BIN_BITS - 1);
-
+const MAX_SAMPLES_OF_REPLICATE: u32 = (1 << 29) - 1;
 /// Bytes of one pixel in a state file.
 pub(crate) const PIXEL_BYTES: usize = 2 * 8 * 4 * REPLICATES + 4 * REPLICATES + 4;
-
-/// Two to the power of `exponent`, for normal numbers.
-const fn power_of_two(exponent: i32) -> f64 {
-    f64::from_bits(((1023 + exponent) as u64) << 52)
-}
-
-/// One over the upper step of each window.
-const SCALES: [f64; LAST_WINDOW as usize + 1] = {
-    let mut scales = [0.0; LAST_WINDOW as usize + 1];
-    let mut window = 0;
-    while window < scales.len() {
-        scales[window] = power_of_two(-(BIN_BITS * window as i32 + LOWEST_STEP));
-        window += 1;
-    }
-    scales
-};
-
-/// The lower step of a window, which counts sums of whole pixels.
-fn lower_step(window: u8) -> f64 {
-    power_of_two(BIN_BITS * (i32::from(window) - 1) + LOWEST_STEP)
-}
-
-/// The lowest window for a finite float: below half the step above the window's two.
-#[inline]
-fn window_of(v: f32) -> u8 {
-    // |v| < 2^(exponent - 126), for denormal numbers (exponent 0) too. It is to be at most
-    // 2^(31 (window + 1) - 151).
-    let exponent = (v.to_bits() >> 23) & 0xff;
-    ((exponent + 24) / 31) as u8
-}
-
-/// The nearest integer, ties to even, of a magnitude up to 2^31.
-#[inline]
-fn nearest(v: f64) -> f64 {
-    // Adding 1.5 * 2^52 leaves no binary places; the rounding of the addition is the one wanted.
-    const SHIFT: f64 = 6_755_399_441_055_744.0;
-    (v + SHIFT) - SHIFT
-}
 
 /// One estimate of what a pixel sees.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -126,7 +67,7 @@ impl PixelMoments {
         let values = [r, g, b, sample.alpha];
         let replicate = (number % REPLICATES as u64) as usize;
         let count = &mut self.count[replicate];
-        if !values.iter().all(|v| v.is_finite()) || *count >= MOST_SAMPLES {
+        if !values.iter().all(|v| v.is_finite()) || *count >= MAX_SAMPLES_OF_REPLICATE {
             return false;
         }
         *count += 1;
@@ -135,12 +76,9 @@ impl PixelMoments {
             if window > self.window[channel] {
                 self.raise(channel, window);
             }
-            // Exact but for the two roundings: a power of two, and differences of few digits.
-            let scaled = f64::from(v) * SCALES[usize::from(self.window[channel])];
-            let high = nearest(scaled);
-            let low = nearest((scaled - high) * const { power_of_two(BIN_BITS) });
-            self.high[replicate][channel] += high as i64;
-            self.low[replicate][channel] += low as i64;
+            let [high, low] = split(v, self.window[channel]);
+            self.high[replicate][channel] += high;
+            self.low[replicate][channel] += low;
         }
         true
     }
@@ -148,17 +86,16 @@ impl PixelMoments {
     /// Moves the window of a channel up.
     #[cold]
     fn raise(&mut self, channel: usize, window: u8) {
-        let next = window == self.window[channel] + 1;
+        let own = self.window[channel];
         for (high, low) in self.high.iter_mut().zip(&mut self.low) {
-            low[channel] = if next { high[channel] } else { 0 };
-            high[channel] = 0;
+            [high[channel], low[channel]] = moved_up([high[channel], low[channel]], own, window);
         }
         self.window[channel] = window;
     }
 
     /// Whether [`Self::merge`] has room for the samples of `other`.
     pub(crate) fn has_room_for(&self, other: &Self) -> bool {
-        self.count.iter().zip(&other.count).all(|(a, b)| a + b <= MOST_SAMPLES)
+        self.count.iter().zip(&other.count).all(|(a, b)| a + b <= MAX_SAMPLES_OF_REPLICATE)
     }
 
     /// Adds the samples of another part of the same pixel, exactly.
@@ -194,8 +131,7 @@ impl PixelMoments {
 
     /// The sum of a channel over one replicate in its lower step, below 2^91 in magnitude.
     fn sum(&self, replicate: usize, channel: usize) -> i128 {
-        (i128::from(self.high[replicate][channel]) << BIN_BITS)
-            + i128::from(self.low[replicate][channel])
+        joined([self.high[replicate][channel], self.low[replicate][channel]])
     }
 
     /// Mean of R, G, B and alpha; zero without samples.
@@ -280,9 +216,10 @@ impl PixelMoments {
         // With these bounds nothing that is done with a pixel can overflow.
         let sound = pixel.window.iter().all(|window| *window <= LAST_WINDOW)
             && (0..REPLICATES).all(|r| {
-                let most = u64::from(pixel.count[r]) * MOST_ADDED;
+                let most = u64::from(pixel.count[r]) * MAX_ADDED;
                 let mut sums = pixel.high[r].iter().chain(&pixel.low[r]);
-                pixel.count[r] <= MOST_SAMPLES && sums.all(|sum| sum.unsigned_abs() <= most)
+                pixel.count[r] <= MAX_SAMPLES_OF_REPLICATE
+                    && sums.all(|sum| sum.unsigned_abs() <= most)
             });
         sound.then_some(pixel)
     }
@@ -291,6 +228,7 @@ impl PixelMoments {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::binned::{BIN_BITS, LOWEST_STEP, SCALES, power_of_two};
 
     fn grey(v: f32) -> PixelSample {
         PixelSample { rgb: [v, -v, v], alpha: v }
@@ -304,7 +242,7 @@ mod tests {
             let end = if end < -126 { 2f64.powi(end) as f32 } else { power_of_two(end) as f32 };
             let last = if window == LAST_WINDOW { f32::MAX } else { end.next_down() };
             assert_eq!(window_of(last), window, "{last:e}");
-            assert!(f64::from(last) * SCALES[usize::from(window)] <= MOST_ADDED as f64);
+            assert!(f64::from(last) * SCALES[usize::from(window)] <= MAX_ADDED as f64);
             if window < LAST_WINDOW {
                 assert!(window_of(end) == window + 1 || end < 2f32.powi(-126), "{end:e}");
             }

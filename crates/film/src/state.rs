@@ -5,12 +5,14 @@
 //! | bytes | content |
 //! | --- | --- |
 //! | 8 | `PILEUSFM` |
-//! | 4 | version, 2 |
+//! | 4 | version, 3 |
 //! | 4 | length of the header, at most [`MAX_STATE_HEADER`] |
 //! | n | header: the caller's bytes, which tell what job and which samples these are |
 //! | 24 | resolution and crop window (x0, y0, width, height) |
-//! | 16 | samples per pixel, dropped samples |
-//! | 548 a pixel | sums of the crop window, row by row |
+//! | 24 | samples per pixel, dropped samples, values of layers that were left out |
+//! | 2 | number of layers beside the first ones, which every film has |
+//! | 3 + n each | sums in each pixel (2 bytes), length of the name (1), name |
+//! | 548 a pixel, and 16 for each sum of a layer | sums of the crop window, row by row |
 //! | 8 | CRC-64/XZ of all of the above |
 
 use std::fs::File;
@@ -18,13 +20,17 @@ use std::io::{self, BufReader, Read, Write};
 use std::path::Path;
 
 use crate::atomic::write_atomically;
+use crate::channel_sum::{ChannelSum, SUM_BYTES};
 use crate::checksum::Summed;
+use crate::crop::Crop;
 use crate::error::Error;
-use crate::film::{Crop, Film};
+use crate::film::Film;
+use crate::layer::{FIRST_LAYERS, Layer};
+use crate::layer_set::LayerSet;
 use crate::moments::{PIXEL_BYTES, PixelMoments};
 
 /// Version that [`Film::write_state`] writes and [`Film::read_state`] reads.
-pub const STATE_VERSION: u32 = 2;
+pub const STATE_VERSION: u32 = 3;
 /// Most bytes of the caller's header, 1 MiB.
 pub const MAX_STATE_HEADER: usize = 1 << 20;
 
@@ -36,7 +42,8 @@ const STREAM: &str = "film state";
 impl Film {
     /// Writes the exact sums, preceded by the caller's `header` (what job this is part of).
     ///
-    /// 548 bytes a pixel; the writer should be buffered.
+    /// 548 bytes a pixel, and 16 for each channel of a layer with sums of its own; the writer should
+    /// be buffered.
     ///
     /// # Errors
     /// A header above [`MAX_STATE_HEADER`], or what the writer answers.
@@ -62,23 +69,40 @@ impl Film {
         }
         out.put(&self.samples().to_le_bytes())?;
         out.put(&self.dropped().to_le_bytes())?;
-        for pixel in self.pixels() {
-            out.put(&pixel.to_bytes())?;
+        out.put(&self.values_left_out().to_le_bytes())?;
+        let further = &self.layers()[FIRST_LAYERS..];
+        // There are at most 1024 channels, and names of at most 255 bytes.
+        out.put(&(further.len() as u16).to_le_bytes())?;
+        for layer in further {
+            out.put(&(layer.sums() as u16).to_le_bytes())?;
+            out.put(&[layer.name.len() as u8])?;
+            out.put(layer.name.as_bytes())?;
         }
-        let crc = out.crc.value();
-        out.stream.write_all(&crc.to_le_bytes())?;
-        out.stream.flush()
+        for (pixel, sums) in self.pixels() {
+            out.put(&pixel.to_bytes())?;
+            for sum in sums {
+                out.put(&sum.to_bytes())?;
+            }
+        }
+        let (mut stream, checksum) = out.finish();
+        stream.write_all(&checksum.to_le_bytes())?;
+        stream.flush()
     }
 
     /// Reads what [`Self::write_state`] wrote: the film, equal bit for bit, and the header.
     ///
-    /// Memory grows with the bytes that were really read, so that a broken length cannot exhaust
-    /// it. The reader should be buffered; bytes after the state are left unread.
+    /// Its layers are looked up by name in `known`: [`LAYERS`](crate::LAYERS), and what the program
+    /// has beside them. Memory grows with the bytes that were really read, so that a broken length
+    /// cannot exhaust it. The reader should be buffered; bytes after the state are left unread.
     ///
     /// # Errors
-    /// Not a film state, another version, sizes out of range, a stream that ends early, sums that no
-    /// samples have, a wrong checksum.
-    pub fn read_state(reader: impl Read) -> Result<(Self, Vec<u8>), Error> {
+    /// Not a film state, another version (older ones included), a layer that is not known or has
+    /// other channels, sizes out of range, a stream that ends early, sums that no samples have, a
+    /// wrong checksum.
+    pub fn read_state(
+        reader: impl Read,
+        known: &[&'static Layer],
+    ) -> Result<(Self, Vec<u8>), Error> {
         let mut input = Summed::new(reader);
         let magic: [u8; 8] = input.get().map_err(broken)?;
         if magic != MAGIC {
@@ -110,27 +134,37 @@ impl Film {
         };
         let samples = u64::from_le_bytes(input.get().map_err(broken)?);
         let dropped = u64::from_le_bytes(input.get().map_err(broken)?);
-        let mut film = Self::without_pixels(resolution, Some(crop))?;
-        film.set_counters(samples, dropped);
+        let left_out = u64::from_le_bytes(input.get().map_err(broken)?);
+        let layers = LayerSet::new(&read_layers(&mut input, known)?)?;
+        let mut film = Self::without_pixels(resolution, Some(crop), layers)?;
+        film.set_counters(samples, dropped, left_out);
         let count = film.pixel_count();
+        let mut sums = Vec::with_capacity(film.layer_set().sums());
         for i in 0..count {
             if i % PIXELS_AHEAD == 0 {
                 // Doubling at least, so that copies stay linear.
                 film.reserve(PIXELS_AHEAD.max(i).min(count - i))?;
             }
-            let bytes: [u8; PIXEL_BYTES] = input.get().map_err(broken)?;
-            let Some(pixel) = PixelMoments::from_bytes(&bytes) else {
-                return Err(Error::invalid(
+            let impossible = || {
+                Error::invalid(
                     STREAM,
                     format!("pixel {i} has sums that no samples add up to"),
                     "the file is damaged: copy or render it anew",
-                ));
+                )
             };
-            film.push_pixel(pixel);
+            let bytes: [u8; PIXEL_BYTES] = input.get().map_err(broken)?;
+            let pixel = PixelMoments::from_bytes(&bytes).ok_or_else(impossible)?;
+            sums.clear();
+            for _ in 0..film.layer_set().sums() {
+                let bytes: [u8; SUM_BYTES] = input.get().map_err(broken)?;
+                let sum = ChannelSum::from_bytes(&bytes, pixel.count());
+                sums.push(sum.ok_or_else(impossible)?);
+            }
+            film.push_pixel(pixel, sums.iter().copied());
         }
-        let expected = input.crc.value();
+        let (mut stream, expected) = input.finish();
         let mut stored = [0; 8];
-        input.stream.read_exact(&mut stored).map_err(broken)?;
+        stream.read_exact(&mut stored).map_err(broken)?;
         if u64::from_le_bytes(stored) != expected {
             return Err(Error::invalid(
                 STREAM,
@@ -141,7 +175,7 @@ impl Film {
         Ok((film, header))
     }
 
-    /// [`Self::write_state`] to a file, written beside it and renamed.
+    /// Writes the exact sums and the caller's `header` to a file, beside it and renamed.
     ///
     /// # Errors
     /// As [`Self::write_state`] and [`write_atomically`], naming the file.
@@ -150,14 +184,44 @@ impl Film {
         write_atomically(path, |writer| self.put_state(writer, header))
     }
 
-    /// [`Self::read_state`] from a file.
+    /// Reads a film and its header from a file that [`Self::save_state`] wrote.
     ///
     /// # Errors
     /// As [`Self::read_state`], naming the file.
-    pub fn load_state(path: &Path) -> Result<(Self, Vec<u8>), Error> {
+    pub fn load_state(path: &Path, known: &[&'static Layer]) -> Result<(Self, Vec<u8>), Error> {
         let file = File::open(path).map_err(|e| Error::open(path, e))?;
-        Self::read_state(BufReader::with_capacity(1 << 18, file)).map_err(|e| e.in_file(path))
+        let reader = BufReader::with_capacity(1 << 18, file);
+        Self::read_state(reader, known).map_err(|e| e.in_file(path))
     }
+}
+
+/// Reads the list of layers beside the first ones.
+fn read_layers(
+    input: &mut Summed<impl Read>,
+    known: &[&'static Layer],
+) -> Result<Vec<&'static Layer>, Error> {
+    let count = u16::from_le_bytes(input.get().map_err(broken)?);
+    let mut layers = Vec::new();
+    for _ in 0..count {
+        let sums = u16::from_le_bytes(input.get().map_err(broken)?);
+        let [length] = input.get().map_err(broken)?;
+        let mut name = [0; 255];
+        let name = &mut name[..usize::from(length)];
+        input.fill(name).map_err(broken)?;
+        let name = String::from_utf8_lossy(name);
+        let layer = known.iter().find(|layer| layer.name == name);
+        match layer {
+            Some(layer) if layer.sums() == usize::from(sums) => layers.push(*layer),
+            _ => {
+                return Err(Error::Unsupported {
+                    place: STREAM.into(),
+                    problem: format!("a layer {name:?} with {sums} sums in each pixel"),
+                    remedy: "use the release of the program that wrote it, or render anew",
+                });
+            }
+        }
+    }
+    Ok(layers)
 }
 
 fn get_u32(input: &mut Summed<impl Read>) -> Result<u32, Error> {

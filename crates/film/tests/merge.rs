@@ -1,6 +1,8 @@
 //! Any split of the samples, in any order, gives the same bits.
 
-use pileus_film::{Crop, Film, PixelMoments, PixelSample, Tile};
+use pileus_film::{
+    Crop, Error, Film, LAYERS, Layer, PixelMoments, PixelSample, Reconstruction, SAMPLES,
+};
 use proptest::prelude::*;
 
 fn value() -> impl Strategy<Value = f32> {
@@ -102,18 +104,18 @@ proptest! {
         tile_sizes in [1u32..9, 1u32..9, 1u32..9],
         cuts in (0u64..8, 0u64..8),
         reverse in any::<bool>(),
+        layers in any::<bool>(),
     ) {
         let (low, high) = (cuts.0.min(cuts.1), cuts.0.max(cuts.1));
         let resolution = [size.0 + 3, size.1 + 5];
         let crop = Some(Crop { x0: 2, y0: 4, width: size.0, height: size.1 });
+        let further: &[&'static Layer] = if layers { &[&SAMPLES, &LUMINANCE, &PRODUCTS] } else { &[] };
         let render = |range: std::ops::Range<u64>, tile_size: u32| {
-            let mut film = Film::new(resolution, crop).unwrap();
-            let mut tiles = film.tiles(tile_size);
-            if reverse {
-                tiles.reverse();
-            }
-            for (x0, y0, width, height) in tiles {
-                let mut tile = Tile::new(x0, y0, width, height);
+            let mut film = Film::with_layers(resolution, crop, further).unwrap();
+            let mut tiles = Vec::new();
+            for (x0, y0, width, height) in film.tiles(tile_size) {
+                let mut tile = film.tile(x0, y0, width, height);
+                tile.start(range.clone()).unwrap();
                 for y in y0..y0 + height {
                     for x in x0..x0 + width {
                         for i in range.clone() {
@@ -121,7 +123,13 @@ proptest! {
                         }
                     }
                 }
-                film.add_tile(&tile);
+                tiles.push(tile);
+            }
+            if reverse {
+                tiles.reverse();
+                tiles.iter().for_each(|tile| film.add_tiles(std::slice::from_ref(tile)).unwrap());
+            } else {
+                film.add_tiles(&tiles).unwrap();
             }
             film.commit_pass(range.end - range.start);
             film
@@ -140,11 +148,37 @@ proptest! {
 
         let mut bytes = Vec::new();
         merged.write_state(&mut bytes, b"job").unwrap();
-        let (read, header) = Film::read_state(bytes.as_slice()).unwrap();
+        let known: Vec<_> = LAYERS.into_iter().chain([&LUMINANCE, &PRODUCTS]).collect();
+        let (read, header) = Film::read_state(bytes.as_slice(), &known).unwrap();
         prop_assert_eq!(&read, &whole);
         prop_assert_eq!(header, b"job");
+        let bits = |film: &Film| -> Vec<u32> {
+            let image = film.image_of(film.layers()).unwrap();
+            image.channels().iter().flat_map(|c| &c.samples).map(|v| v.to_bits()).collect()
+        };
+        prop_assert_eq!(bits(&read), bits(&whole));
     }
 }
+
+static LUMINANCE: Layer = Layer {
+    name: "luminance",
+    meaning: "a mean of one channel",
+    channels: &["luminance.Y"],
+    reconstruction: Reconstruction::Mean(|sample, value| {
+        value[0] = 0.25 * sample.rgb[0] + 0.5 * sample.rgb[1] + 0.25 * sample.rgb[2];
+    }),
+};
+
+/// Not finite where green is large.
+static PRODUCTS: Layer = Layer {
+    name: "products",
+    meaning: "a mean of two channels over all floats",
+    channels: &["products.X", "products.Y"],
+    reconstruction: Reconstruction::Mean(|sample, values| {
+        values[0] = sample.rgb[1] * sample.rgb[1];
+        values[1] = -sample.alpha;
+    }),
+};
 
 /// A sample as a function of its place; one in 64 is not finite, and green spans all floats.
 fn noise(seed: u64, x: u32, y: u32, i: u64) -> PixelSample {
@@ -185,16 +219,21 @@ fn tiles_cover_the_window_once() {
 
 #[test]
 fn the_image_is_the_mean_of_what_was_not_dropped() {
-    let mut film = Film::new([3, 1], None).unwrap();
-    let mut tile = Tile::new(0, 0, 3, 1);
+    let mut film = Film::with_layers([3, 1], None, &[&SAMPLES]).unwrap();
+    let mut tile = film.tile(0, 0, 3, 1);
+    tile.start(0..3).unwrap();
     for (number, v) in [(0, 1.0), (1, 2.0), (2, f32::NAN)] {
         tile.add(1, 0, number, &PixelSample { rgb: [v, 0.0, 0.0], alpha: 1.0 });
     }
     tile.add(2, 0, 0, &PixelSample { rgb: [f32::NAN; 3], alpha: 1.0 });
     assert!(!tile.add(3, 0, 1, &PixelSample::default()));
-    film.add_tile(&tile);
+    // A number that the pass does not have, and one that is there already.
+    assert!(!tile.add(1, 0, 3, &PixelSample::default()));
+    assert!(!tile.add(1, 0, 0, &PixelSample::default()));
+    assert_eq!(tile.dropped(), 5);
+    film.add_tiles(&[tile]).unwrap();
     film.commit_pass(3);
-    assert_eq!(film.dropped(), 3);
+    assert_eq!(film.dropped(), 5);
     assert_eq!(film.dropped_at(1, 0), Some(1));
     let image = film.image();
     assert_eq!(image.channel("R").unwrap(), [0.0, 1.5, 0.0]);
@@ -202,6 +241,9 @@ fn the_image_is_the_mean_of_what_was_not_dropped() {
     let variance = film.variance();
     assert_eq!(variance.channel("R").unwrap(), [f32::INFINITY, 0.25, f32::INFINITY]);
     assert_eq!(variance.channel("A").unwrap()[1], 0.0);
+    let samples = film.image_of(&[&SAMPLES]).unwrap();
+    assert_eq!(samples.channel("samples.Y").unwrap(), [0.0, 2.0, 0.0]);
+    assert!(film.image_of(&[&LUMINANCE]).unwrap_err().to_string().contains("luminance"));
 }
 
 #[test]
@@ -217,15 +259,28 @@ fn what_does_not_fit_is_refused_or_counted() {
     let other = Film::new([4, 4], window(0, 0, 4, 3)).unwrap();
     assert!(film.merge(&other).unwrap_err().to_string().contains("slices of one job"));
 
-    // A tile that hangs over the edge, and one that is wide beyond all numbers.
-    let mut tile = Tile::new(3, 3, 2, 2);
+    let layers = Film::with_layers([4, 4], None, &[&LUMINANCE]).unwrap();
+    let error = film.merge(&layers).unwrap_err().to_string();
+    assert!(error.contains("variance, luminance") && error.contains("one job"), "{error}");
+    assert!(film.add_tiles(&[layers.tile(0, 0, 1, 1)]).is_err());
+
+    // A tile that hangs over the edge, and ones that are far off or empty.
+    let mut tile = film.tile(3, 3, 2, 2);
+    tile.start(0..1).unwrap();
     for (x, y) in [(3, 3), (4, 3), (3, 4), (4, 4)] {
         assert!(tile.add(x, y, 0, &PixelSample::default()));
     }
-    film.add_tile(&tile);
+    film.add_tiles(&[tile]).unwrap();
     assert_eq!(film.dropped(), 3);
-    let mut far = Tile::new(u32::MAX, u32::MAX, 2, 1);
-    assert!(far.add(u32::MAX, u32::MAX, 0, &PixelSample::default()));
-    film.add_tile(&far);
+    let mut far = film.tile(u32::MAX, u32::MAX, 2, 1);
+    far.start(7..8).unwrap();
+    assert!(far.add(u32::MAX, u32::MAX, 7, &PixelSample::default()));
+    film.add_tiles(&[far, film.tile(0, 0, 0, 9), film.tile(0, 0, 4, 4)]).unwrap();
     assert_eq!(film.dropped(), 4);
+    let mut huge = film.tile(0, 0, u32::MAX, u32::MAX);
+    for numbers in [0..1, 0..u64::MAX] {
+        let error = huge.start(numbers).unwrap_err();
+        assert!(matches!(error, Error::TooLarge { .. }), "{error}");
+    }
+    assert!(!huge.add(0, 0, 0, &PixelSample::default()));
 }

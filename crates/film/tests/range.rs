@@ -1,6 +1,6 @@
 //! Every finite sample counts, whatever its size.
 
-use pileus_film::{Film, PixelMoments, PixelSample, Tile};
+use pileus_film::{Film, PixelMoments, PixelSample};
 
 /// Magnitudes over all of the range, a factor of sixteen apart.
 fn magnitudes() -> impl Iterator<Item = f32> {
@@ -13,11 +13,12 @@ fn a_constant_is_its_own_mean_whatever_its_size() {
         let v = v.min(f32::MAX);
         for alpha in [0.0, 1.0, -16.5, 1e4, v] {
             let mut film = Film::new([1, 1], None).unwrap();
-            let mut tile = Tile::new(0, 0, 1, 1);
+            let mut tile = film.tile(0, 0, 1, 1);
+            tile.start(0..24).unwrap();
             for number in 0..24 {
                 assert!(tile.add(0, 0, number, &PixelSample { rgb: [v, -v, 0.0], alpha }));
             }
-            film.add_tile(&tile);
+            film.add_tiles(&[tile]).unwrap();
             film.commit_pass(24);
             let (image, variance) = (film.image(), film.variance());
             for (name, expected) in [("R", v), ("G", -v), ("B", 0.0), ("A", alpha)] {
@@ -59,14 +60,15 @@ fn a_sun_in_a_dark_pixel_adds_what_it_has() {
 #[test]
 fn variances_beyond_a_float_stay_known() {
     let mut film = Film::new([2, 1], None).unwrap();
-    let mut tile = Tile::new(0, 0, 2, 1);
+    let mut tile = film.tile(0, 0, 2, 1);
+    tile.start(0..16).unwrap();
     for number in 0..16 {
         let sign = if number % 2 == 0 { 1.0 } else { -1.0 };
         let sample = |v: f32| PixelSample { rgb: [sign * v; 3], alpha: 0.0 };
         tile.add(0, 0, number, &sample(1e25));
         tile.add(1, 0, number, &sample(1e-30));
     }
-    film.add_tile(&tile);
+    film.add_tiles(&[tile]).unwrap();
     let variance = film.variance();
     assert_eq!(variance.channel("R").unwrap(), [f32::MAX, f32::from_bits(1)]);
     assert_eq!(variance.channel("A").unwrap(), [0.0; 2]);

@@ -98,6 +98,9 @@ pub enum Error {
         /// What to do about it, any of these.
         remedies: Vec<Remedy>,
     },
+    /// The film has no memory for the samples of a pass.
+    #[error(transparent)]
+    Memory(#[from] pileus_film::Error),
     /// The film is not one for this scene.
     #[error("{what}")]
     Film {
@@ -111,7 +114,7 @@ impl Error {
     pub fn parameter(&self) -> Option<Parameter> {
         match self {
             Error::Parameter { parameter, .. } => Some(*parameter),
-            Error::Scene { .. } | Error::Film { .. } => None,
+            Error::Scene { .. } | Error::Memory(_) | Error::Film { .. } => None,
         }
     }
 
@@ -119,7 +122,7 @@ impl Error {
     pub fn remedies(&self) -> &[Remedy] {
         match self {
             Error::Parameter { remedies, .. } | Error::Scene { remedies, .. } => remedies,
-            Error::Film { .. } => &[],
+            Error::Memory(_) | Error::Film { .. } => &[],
         }
     }
 }

@@ -158,7 +158,7 @@ impl<'a> Renderer<'a> {
     /// returned, hold all whole passes done so far: the first `film.samples()` of the range.
     ///
     /// # Errors
-    /// If film and camera differ in resolution.
+    /// If film and camera differ in resolution, or if there is no memory for the samples of a pass.
     pub fn render(&self, film: &mut Film, monitor: &dyn Monitor) -> Result<Counters, Error> {
         self.render_samples(self.settings.samples.clone(), film, monitor)
     }
@@ -166,7 +166,7 @@ impl<'a> Renderer<'a> {
     /// As [`Renderer::render`], of other samples than the settings'.
     ///
     /// # Errors
-    /// If film and camera differ in resolution.
+    /// If film and camera differ in resolution, or if there is no memory for the samples of a pass.
     pub fn render_samples(
         &self,
         samples: Range<u64>,
@@ -186,7 +186,7 @@ impl<'a> Renderer<'a> {
         let stop = || watch.stopped();
         let (scene, settings) = (self.scene, &self.settings);
         let mut run = Run { scene, settings, samples, film, watch: &watch };
-        Ok(self.parts(&stop).with_planned_kernel(&mut run))
+        self.parts(&stop).with_planned_kernel(&mut run)
     }
 
     /// The value of one sample of one pixel: what [`Renderer::render`] adds to the film.
@@ -433,10 +433,15 @@ struct Run<'a> {
 }
 
 impl Job for Run<'_> {
-    type Output = Counters;
+    type Output = Result<Counters, Error>;
 
-    fn run<M: Media, W: World>(&mut self, kernel: &Kernel<'_, M, W>) -> Counters {
-        let tiles = self.film.tiles(self.settings.tile_size);
+    fn run<M: Media, W: World>(&mut self, kernel: &Kernel<'_, M, W>) -> Self::Output {
+        let mut tiles: Vec<Tile> = self
+            .film
+            .tiles(self.settings.tile_size)
+            .into_iter()
+            .map(|(x0, y0, width, height)| self.film.tile(x0, y0, width, height))
+            .collect();
         let range = self.samples.clone();
         let crop = self.film.crop();
         let pixels = u64::from(crop.width) * u64::from(crop.height);
@@ -448,52 +453,55 @@ impl Job for Run<'_> {
         while next < range.end && !self.watch.stopped() {
             let pass = next..(next + length).min(range.end);
             let start = Instant::now();
-            let Some((rendered, pass_counters)) =
-                self.pass(kernel, &tiles, pass.clone(), &done, total)
+            let Some(mut pass_counters) =
+                self.pass(kernel, &mut tiles, pass.clone(), &done, total)?
             else {
                 break;
             };
-            for tile in &rendered {
-                self.film.add_tile(tile);
-            }
+            let dropped_before = self.film.dropped();
+            self.film.add_tiles(&tiles)?;
             self.film.commit_pass(pass.end - pass.start);
+            pass_counters.dropped += self.film.dropped() - dropped_before;
             counters.merge(&pass_counters);
             next = pass.end;
-            // Longer passes cost less overhead, shorter ones lose less when cancelled.
+            // Longer passes cost less overhead, shorter ones lose less when cancelled and take less
+            // memory.
             let seconds = start.elapsed().as_secs_f64();
             if seconds < 0.5 * PASS_SECONDS {
-                length *= 2;
+                length = (length * 2).min(self.film.samples_per_pass());
             } else if seconds > 2.0 * PASS_SECONDS {
                 length = (length / 2).max(1);
             }
         }
-        counters
+        Ok(counters)
     }
 }
 
 impl Run<'_> {
-    /// One pass over all tiles; `None` if it was cancelled.
+    /// One pass over all tiles, which then hold its samples; `None` if it was cancelled.
     fn pass<M: Media, W: World>(
         &self,
         kernel: &Kernel<'_, M, W>,
-        tiles: &[(u32, u32, u32, u32)],
+        tiles: &mut [Tile],
         samples: Range<u64>,
         done: &AtomicU64,
         total: u64,
-    ) -> Option<(Vec<Tile>, Counters)> {
-        let rendered: Option<Vec<(Tile, Counters)>> = tiles
-            .par_iter()
-            .map(|&(x0, y0, width, height)| {
+    ) -> Result<Option<Counters>, Error> {
+        let rendered: Vec<Option<Counters>> = tiles
+            .par_iter_mut()
+            .map(|tile| {
+                tile.start(samples.clone())?;
+                let (columns, rows) =
+                    (tile.x0..tile.x0 + tile.width, tile.y0..tile.y0 + tile.height);
                 let mut before_look = 1u32;
-                let mut tile = Tile::new(x0, y0, width, height);
                 let mut counters = Counters::default();
-                for y in y0..y0 + height {
-                    for x in x0..x0 + width {
+                for y in rows {
+                    for x in columns.clone() {
                         for sample in samples.clone() {
                             before_look -= 1;
                             if before_look == 0 {
                                 if self.watch.stopped() {
-                                    return None;
+                                    return Ok(None);
                                 }
                                 before_look = PATHS_BETWEEN_LOOKS;
                             }
@@ -505,26 +513,26 @@ impl Run<'_> {
                                 sample,
                                 &mut counters,
                             );
-                            counters.dropped += u64::from(!tile.add(x, y, sample, &value));
+                            tile.add(x, y, sample, &value);
                         }
                     }
                 }
                 // A path in here may have been cut.
                 if self.watch.stopped() {
-                    return None;
+                    return Ok(None);
                 }
-                let count = u64::from(width) * u64::from(height) * (samples.end - samples.start);
+                let pixels = u64::from(tile.width) * u64::from(tile.height);
+                let count = pixels * (samples.end - samples.start);
                 let before = done.fetch_add(count, Ordering::Relaxed);
                 self.watch.monitor.progress(before + count, total);
-                Some((tile, counters))
+                Ok(Some(counters))
             })
-            .collect();
+            .collect::<Result<_, pileus_film::Error>>()?;
         let mut counters = Counters::default();
-        let mut result = Vec::with_capacity(tiles.len());
-        for (tile, tile_counters) in rendered? {
-            counters.merge(&tile_counters);
-            result.push(tile);
+        for tile in rendered {
+            let Some(tile) = tile else { return Ok(None) };
+            counters.merge(&tile);
         }
-        Some((result, counters))
+        Ok(Some(counters))
     }
 }

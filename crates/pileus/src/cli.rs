@@ -284,6 +284,9 @@ pub struct RenderOptions {
     /// Write no statistics.
     #[arg(long)]
     pub no_stats: bool,
+    /// Write no layers (variance and what the job asks for).
+    #[arg(long)]
+    pub no_layers: bool,
     /// Write the job that renders this image again, with all that was chosen, to go on from.
     #[arg(long, value_name = "JOB")]
     pub save_job: Option<PathBuf>,
@@ -326,6 +329,7 @@ impl RenderOptions {
             camera: None,
             no_preview: self.no_preview,
             no_stats: self.no_stats,
+            no_layers: self.no_layers,
             save_job: self.save_job.clone(),
         }
     }

@@ -91,7 +91,9 @@ impl Failure {
             Self::Scene(error) => scene_exit(error),
             Self::Vdb(error) => vdb_exit(error),
             Self::Media(error) => media_exit(error),
-            Self::Film(error) => film_exit(error),
+            Self::Film(error) | Self::Integrator(pileus_integrator::Error::Memory(error)) => {
+                film_exit(error)
+            }
             #[cfg(feature = "lab")]
             Self::Lab(pileus_lab::Error::Film(error)) => film_exit(error),
             #[cfg(feature = "lab")]

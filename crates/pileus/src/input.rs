@@ -207,9 +207,9 @@ const NOT_YET: [(&[&str], &str, &str); 8] = [
         "write a job for each frame: `frame` of a volume fills in the `#` in its file's name",
     ),
     (
-        &["layers", "aov", "passes", "cryptomatte", "light_groups"],
-        "further layers are not written by this version",
-        "remove the key: colour, alpha and variance are written",
+        &["aov", "passes", "cryptomatte", "light_groups"],
+        "such layers are not written by this version",
+        "remove the key; layers that there are go by name into `aovs` under `output`",
     ),
     (
         &["adaptive", "noise_threshold", "time_limit", "max_time", "noise"],

@@ -5,6 +5,7 @@ pub mod cli;
 mod command;
 mod escape;
 pub mod failure;
+mod film_plan;
 pub mod input;
 pub mod job;
 mod machine;

@@ -4,6 +4,7 @@ use pileus_film::MetaValue;
 use pileus_integrator::{Counters, PathCost, Plan};
 use serde::Serialize;
 
+use crate::film_plan::FilmPlan;
 use crate::job::Job;
 use crate::machine;
 use crate::settings::Settings;
@@ -33,6 +34,7 @@ pub(crate) struct Stats<'a> {
     pub(crate) counters: &'a Counters,
     pub(crate) peak_memory_bytes: Option<u64>,
     pub(crate) plan: PlanAndCost<'a>,
+    pub(crate) film: &'a FilmPlan,
     pub(crate) version: &'static str,
     pub(crate) job_hash: &'a str,
     pub(crate) interrupted: bool,
@@ -99,7 +101,7 @@ pub(crate) fn metadata(
     .collect()
 }
 
-/// What the layer `variance` is worth after so many samples.
+/// What the variance is worth after so many samples.
 fn variance_note(samples: u64) -> &'static str {
     match samples {
         0 | 1 => "unknown (infinite): one sample per pixel",

@@ -9,9 +9,7 @@ use crate::settings::Overrides;
 pub(crate) fn run(options: &InputOptions, report: &Report) -> Result<(), Failure> {
     // No path is traced: it takes as long as loading does.
     let overrides = Overrides::default();
-    let Prepared { settings, loaded, .. } = prepare_to_write(options, &overrides)?;
-    // What only the film can refuse, a crop outside the image for one.
-    pileus_film::Film::new(loaded.scene.camera.resolution(), settings.crop)?;
+    let Prepared { settings, loaded, film, .. } = prepare_to_write(options, &overrides)?;
     let [width, height] = loaded.scene.camera.resolution();
     let environment = match &loaded.scene.environment {
         environment if environment.image.is_some() => "an image",
@@ -26,6 +24,7 @@ pub(crate) fn run(options: &InputOptions, report: &Report) -> Result<(), Failure
         loaded.scene.lights.len(),
         settings.render.samples.end,
     ));
+    report.text(format_args!("  {film}"));
     // The job itself is named above.
     for file in settings.reads(Some(&loaded)).iter().skip(1) {
         report.text(format_args!("  reads {}", file.display()));

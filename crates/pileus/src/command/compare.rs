@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use pileus_film::{
-    ColorSpace, Curve, ExrSettings, ToneMap, read_exr, read_exr_header, write_exr, write_png,
+    ColorSpace, Curve, ExrSettings, Image, ToneMap, read_exr, read_exr_header, write_exr, write_png,
 };
 use pileus_lab::{CompareSettings, Comparison, compare_with, difference_image, difference_view};
 
@@ -11,6 +11,7 @@ use crate::cli::CompareOptions;
 use crate::failure::Failure;
 use crate::outputs::{self, Target};
 use crate::report::Report;
+use crate::settings::layers_beside;
 
 pub(crate) fn run(options: &CompareOptions, report: &Report) -> Result<(), Failure> {
     let png = match options.difference.as_ref().map(|path| path.extension()) {
@@ -24,9 +25,10 @@ pub(crate) fn run(options: &CompareOptions, report: &Report) -> Result<(), Failu
     };
     if let Some(path) = &options.difference {
         let target = Target::by_option("the difference image", path, 0);
-        outputs::check(&[options.a.clone(), options.b.clone()], &[target])?;
+        let [a, b] = [&options.a, &options.b].map(|path| [path.clone(), layers_beside(path)]);
+        outputs::check(&[a, b].concat(), &[target])?;
     }
-    let (a, b) = (read_exr(&options.a)?, read_exr(&options.b)?);
+    let (a, b) = (read_with_variance(&options.a)?, read_with_variance(&options.b)?);
     let (space_a, space_b) = (color_space(&options.a)?, color_space(&options.b)?);
     if space_a != space_b {
         tracing::warn!("A is in {space_a}, B in {space_b}: their numbers are compared as they are");
@@ -49,6 +51,31 @@ pub(crate) fn run(options: &CompareOptions, report: &Report) -> Result<(), Failu
         report.text(table(&comparison));
     }
     Ok(())
+}
+
+/// An image with its layer `variance`: its own, or that of the file of layers beside it where that is
+/// from the same render.
+fn read_with_variance(path: &Path) -> Result<Image, Failure> {
+    let mut image = read_exr(path)?;
+    let beside = layers_beside(path);
+    if image.layer("variance").is_some() || !beside.is_file() {
+        return Ok(image);
+    }
+    let layers = read_exr(&beside)?;
+    let same = ["pileus:version", "pileus:job_hash", "pileus:samples"]
+        .iter()
+        .all(|name| image.meta(name).is_some() && image.meta(name) == layers.meta(name));
+    match layers.layer("variance") {
+        Some(variance) if same && layers.data_window() == image.data_window() => {
+            image.add_layer("variance", &variance)?;
+        }
+        _ => tracing::warn!(
+            "{} is not from the render of {}: its variance is not used",
+            beside.display(),
+            path.display()
+        ),
+    }
+    Ok(image)
 }
 
 /// What the first part of an image says its colours are in.

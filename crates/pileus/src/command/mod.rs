@@ -16,6 +16,7 @@ use pileus_scene::{Loaded, VolumeSource};
 
 use crate::cli::InputOptions;
 use crate::failure::Failure;
+use crate::film_plan::FilmPlan;
 use crate::input::Input;
 use crate::outputs;
 use crate::settings::{Overrides, Settings};
@@ -25,6 +26,7 @@ use crate::words;
 pub(crate) struct Prepared {
     pub(crate) settings: Settings,
     pub(crate) loaded: Loaded,
+    pub(crate) film: FilmPlan,
     pub(crate) plan: Plan,
 }
 
@@ -43,13 +45,8 @@ pub(crate) fn prepare_to_write(
     let settings = resolve(input, overrides)?;
     outputs::check(&settings.reads(None), &settings.targets(0))?;
     let prepared = load(settings)?;
-    let Prepared { settings, loaded, .. } = &prepared;
-    let [width, height] = match settings.crop {
-        Some(crop) => [crop.width, crop.height],
-        None => loaded.scene.camera.resolution(),
-    };
-    let pixels = u64::from(width) * u64::from(height);
-    outputs::check(&settings.reads(Some(loaded)), &settings.targets(pixels))?;
+    let Prepared { settings, loaded, film, .. } = &prepared;
+    outputs::check(&settings.reads(Some(loaded)), &settings.targets(film.pixels()))?;
     Ok(prepared)
 }
 
@@ -86,6 +83,7 @@ fn load(settings: Settings) -> Result<Prepared, Failure> {
             );
         }
     }
+    let film = FilmPlan::of(&settings, &loaded.scene)?;
     let plan = Plan::new(&loaded.scene, &settings.render)
         .map_err(|error| words::of_job(&settings, error))?;
     // What the plan adds to what the files say.
@@ -98,5 +96,5 @@ fn load(settings: Settings) -> Result<Prepared, Failure> {
     for limit in &plan.biased {
         tracing::info!("biased: {limit}");
     }
-    Ok(Prepared { settings, loaded, plan })
+    Ok(Prepared { settings, loaded, film, plan })
 }

@@ -6,21 +6,24 @@ use serde::Serialize;
 use crate::cli::PlanOptions;
 use crate::command::{Prepared, prepare};
 use crate::failure::Failure;
+use crate::film_plan::FilmPlan;
 use crate::report::Report;
 use crate::settings::Overrides;
 use crate::words;
 
-/// The plan, and with `--predict` what some paths ahead have told.
+/// The plan as JSON, with the film beside its keys, and with `--predict` what some paths ahead have
+/// told.
 #[derive(Serialize)]
-struct PlanAndPrepass<'a> {
+struct PlanOfRender<'a> {
     #[serde(flatten)]
     plan: &'a Plan,
+    film: &'a FilmPlan,
     #[serde(skip_serializing_if = "Option::is_none")]
     prepass: Option<&'a Prepass>,
 }
 
 pub(crate) fn run(options: &PlanOptions, report: &Report) -> Result<(), Failure> {
-    let Prepared { settings, loaded, plan } = prepare(&options.input, &Overrides::default())?;
+    let Prepared { settings, loaded, plan, film } = prepare(&options.input, &Overrides::default())?;
     let renderer = match options.predict {
         true => Some(
             Renderer::new(&loaded.scene, &settings.render)
@@ -30,10 +33,10 @@ pub(crate) fn run(options: &PlanOptions, report: &Report) -> Result<(), Failure>
     };
     let prepass = renderer.as_ref().map(Renderer::prepass);
     if options.json {
-        report.json(&PlanAndPrepass { plan: &plan, prepass });
+        report.json(&PlanOfRender { plan: &plan, film: &film, prepass });
     } else {
         let told = prepass.map(ToString::to_string).unwrap_or_default();
-        report.text(format!("{plan}{told}").trim_end());
+        report.text(format!("{plan}{told}{film}").trim_end());
     }
     for warning in prepass.iter().flat_map(|prepass| &prepass.warnings) {
         tracing::warn!("{warning}");

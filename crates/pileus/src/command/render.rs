@@ -4,7 +4,10 @@ use std::io::Write;
 use std::path::Path;
 use std::time::Instant;
 
-use pileus_film::{ExrSettings, Film, Image, ToneMap, write_atomically, write_exr, write_png};
+use pileus_film::{
+    BEAUTY, ExrSettings, Film, Image, Layer, ToneMap, VARIANCE, write_atomically, write_exr,
+    write_png,
+};
 use pileus_integrator::{Monitor, PathCost, Renderer};
 use serde::Serialize;
 
@@ -14,7 +17,7 @@ use crate::failure::Failure;
 use crate::machine::Signals;
 use crate::record::{PlanAndCost, Seconds, Stats, VERSION, metadata};
 use crate::report::{Progress, Report};
-use crate::settings::job_hash;
+use crate::settings::{LayersTo, job_hash};
 use crate::words;
 
 struct Watch<'a> {
@@ -35,7 +38,8 @@ impl Monitor for Watch<'_> {
 pub(crate) fn run(options: &RenderOptions, report: &Report) -> Result<(), Failure> {
     let start = Instant::now();
     let signals = Signals::handled();
-    let Prepared { settings, loaded, .. } = prepare_to_write(&options.input, &options.overrides())?;
+    let Prepared { settings, loaded, film: film_plan, .. } =
+        prepare_to_write(&options.input, &options.overrides())?;
     let scene = &loaded.scene;
     if let Some(path) = &options.save_job {
         write_json(path, &settings.saved_job(scene))?;
@@ -47,13 +51,13 @@ pub(crate) fn run(options: &RenderOptions, report: &Report) -> Result<(), Failur
     for warning in &prepass.warnings {
         tracing::warn!("{warning}");
     }
-    tracing::debug!("plan:\n{}{prepass}", renderer.plan());
-    let mut film = Film::new(scene.camera.resolution(), settings.crop)?;
+    tracing::debug!("plan:\n{}{prepass}{film_plan}", renderer.plan());
+    let mut film =
+        Film::with_layers(film_plan.resolution, settings.crop, &settings.outputs.further)?;
     let mut seconds =
         Seconds { load: loaded.seconds_load, build: loaded.seconds_build, ..Seconds::default() };
 
-    let crop = film.crop();
-    let pixels = u64::from(crop.width) * u64::from(crop.height);
+    let pixels = film_plan.pixels();
     let spp = settings.render.samples.end - settings.render.samples.start;
     let progress = report.progress(pixels.saturating_mul(spp), pixels);
     let watch = Watch { signals, progress: &progress };
@@ -90,27 +94,35 @@ pub(crate) fn run(options: &RenderOptions, report: &Report) -> Result<(), Failur
     let writing = Instant::now();
     let job = settings.recorded_job(scene);
     let job_hash = job_hash(&job);
-    let mut image = film.image();
-    let variance = film.variance();
-    let beyond = variance.channels().iter().flat_map(|c| &c.samples).filter(|v| **v == f32::MAX);
+    let beside: Vec<&Layer> =
+        film.layers().iter().copied().filter(|layer| !layer.is_picture()).collect();
+    let layers = film.image_of(&beside)?;
+    let variances = VARIANCE.channels.iter().filter_map(|name| layers.channel(name));
+    let beyond = variances.flatten().filter(|v| **v == f32::MAX);
     match beyond.count() {
         0 => {}
         n => tracing::warn!("{n} variances exceed 3.4e38 and are written as that: dim the lights"),
     }
-    image.add_layer("variance", &variance)?;
+    let outputs = &settings.outputs;
+    let image = match outputs.layers {
+        LayersTo::Image => film.image_of(film.layers())?,
+        LayersTo::File(_) | LayersTo::Nowhere => film.image(),
+    };
     let exr = ExrSettings {
         half: settings.outputs.half,
         parallel: rayon::current_num_threads() > 1,
         metadata: metadata(&settings, (&job, &job_hash), &plan, &counters, film.samples()),
         ..ExrSettings::default()
     };
-    let outputs = &settings.outputs;
     let written = write_exr(&outputs.image, &image, &exr)?;
     if written.half_clamped > 0 {
         tracing::warn!(
             "{} values exceed 65504 and are clamped: write 32-bit floats",
             written.half_clamped
         );
+    }
+    if let LayersTo::File(path) = &outputs.layers {
+        write_exr(path, &layers, &exr)?;
     }
     if let Some(preview) = &outputs.preview {
         let tone = ToneMap { exposure_stops: outputs.exposure, ..ToneMap::default() };
@@ -127,12 +139,13 @@ pub(crate) fn run(options: &RenderOptions, report: &Report) -> Result<(), Failur
         counters: &counters,
         peak_memory_bytes: Stats::peak_memory(),
         plan: PlanAndCost { plan: &plan, predicted: prepass.predicted, measured },
+        film: &film_plan,
         version: VERSION,
         job_hash: &job_hash,
         interrupted: was_interrupted,
         threads: rayon::current_num_threads(),
         resolution: film.resolution(),
-        crop: [crop.x0, crop.y0, crop.width, crop.height],
+        crop: film_plan.crop,
         image: &outputs.image.to_string_lossy(),
     };
     if let Some(path) = &outputs.stats {
@@ -143,7 +156,7 @@ pub(crate) fn run(options: &RenderOptions, report: &Report) -> Result<(), Failur
         outputs.image.display(),
         film.samples(),
         seconds.render,
-        relative_noise(&image)
+        relative_noise(&image, &layers)
             .map_or(String::new(), |noise| format!(", noise {:.2} % of the mean", 100.0 * noise)),
     );
     tracing::debug!("{:.2} M paths/s", counters.paths as f64 / seconds.render.max(1e-9) * 1e-6);
@@ -167,17 +180,17 @@ pub(crate) fn run(options: &RenderOptions, report: &Report) -> Result<(), Failur
 
 /// Standard error over the mean of the picture's luminance, the root of the mean variance of its
 /// pixels over their mean; `None` where it is black or the variance is not known.
-fn relative_noise(image: &Image) -> Option<f64> {
-    let mean = |channels: [&str; 3]| -> Option<f64> {
+fn relative_noise(image: &Image, layers: &Image) -> Option<f64> {
+    let mean = |image: &Image, channels: &[&str]| -> Option<f64> {
         let mut sum = 0.0;
         for channel in channels {
             let plane = image.channel(channel)?;
             sum += plane.iter().map(|&v| f64::from(v)).sum::<f64>() / plane.len().max(1) as f64;
         }
-        Some(sum / 3.0)
+        Some(sum / channels.len() as f64)
     };
-    let (brightness, variance) =
-        (mean(["R", "G", "B"])?, mean(["variance.R", "variance.G", "variance.B"])?);
+    let brightness = mean(image, BEAUTY.channels)?;
+    let variance = mean(layers, VARIANCE.channels.get(..BEAUTY.channels.len())?)?;
     let noise = variance.sqrt() / brightness;
     (brightness > 0.0 && noise.is_finite()).then_some(noise)
 }

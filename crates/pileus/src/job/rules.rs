@@ -2,7 +2,7 @@
 //! would refuse. What is a relation between several numbers (a crop inside its resolution, a camera
 //! that looks at its own place) is left to the program.
 
-use pileus_film::MAX_PIXELS;
+use pileus_film::{LAYERS, MAX_PIXELS};
 use pileus_scene::schema_rule::{
     absent, both, direction, given, implies, later, none_of, rule, with,
 };
@@ -139,16 +139,39 @@ pub(crate) fn crop(schema: &mut Schema) {
     );
 }
 
-/// No further outputs yet.
-pub(crate) fn no_aovs(schema: &mut Schema) {
-    insert_rule(
-        schema,
-        later(
-            json!({ "maxItems": 0 }),
-            "there is no further output of that name",
-            "leave the list empty: this version has none",
+/// Where the layers go, once.
+pub(crate) fn output() -> Value {
+    let in_image = || with("layers_in_image", json!({ "const": true }));
+    let nowhere = with("layers", json!({ "type": "null" }));
+    let asked_for = with("aovs", json!({ "type": "array", "minItems": 1 }));
+    json!([
+        rule(
+            implies(in_image(), none_of(&["layers"])),
+            "the layers go into the image and into a file of their own",
+            "remove `layers` or `layers_in_image`",
         ),
-    );
+        rule(
+            implies(both(nowhere, asked_for), in_image()),
+            "layers are asked for that go nowhere",
+            "name a file with `layers`, or remove `aovs`",
+        ),
+    ])
+}
+
+/// The layers that there are, by the film's table.
+pub(crate) fn aovs(schema: &mut Schema) {
+    let layers = || LAYERS.into_iter().filter(|layer| !layer.is_picture());
+    let names: Vec<&str> = layers().map(|layer| layer.name).collect();
+    let known = format!("take of: {}", names.join(", "));
+    let items = json!({ "type": "string", "enum": names });
+    let items = later(items, "there is no such layer in this version", &known);
+    schema.insert("items".into(), items);
+    let mut text = schema.get("description").and_then(Value::as_str).unwrap_or("").to_owned();
+    for layer in layers() {
+        let channels: Vec<String> = layer.channels.iter().map(|c| format!("`{c}`")).collect();
+        text += &format!(" `{}` ({}): {}.", layer.name, channels.join(", "), layer.meaning);
+    }
+    schema.insert("description".into(), text.into());
 }
 
 /// No motion yet.

@@ -11,7 +11,8 @@ mod places;
 mod record;
 mod sampling;
 
-pub use outputs::Outputs;
+pub(crate) use outputs::layers_beside;
+pub use outputs::{LayersTo, Outputs};
 pub use overrides::Overrides;
 pub(crate) use record::job_hash;
 

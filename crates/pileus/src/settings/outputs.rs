@@ -2,9 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
+use pileus_film::{FIRST_LAYERS, LAYERS, Layer, VARIANCE};
+
 use super::{Overrides, Settings};
 use crate::failure::Failure;
-use crate::job::Job;
+use crate::job::{Job, OutputSpec};
 use crate::outputs::Target;
 
 /// Which files are written.
@@ -20,6 +22,34 @@ pub struct Outputs {
     pub exposure: f32,
     /// Counters and times.
     pub stats: Option<PathBuf>,
+    /// Layers that the film has beside the first ones.
+    pub further: Vec<&'static Layer>,
+    /// Where the layers go that are not the picture.
+    pub layers: LayersTo,
+}
+
+/// Where the layers of an image go.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum LayersTo {
+    /// Into an EXR of their own.
+    File(PathBuf),
+    /// Into the image.
+    Image,
+    /// They are not written.
+    Nowhere,
+}
+
+/// The name of the file with the layers of an image, unless another one was asked for.
+pub(crate) fn layers_beside(image: &Path) -> PathBuf {
+    image.with_extension("layers.exr")
+}
+
+/// The layers that a job asks for, whose names the schema has checked, in the order of the table,
+/// whatever the job's: slices of equal jobs merge.
+fn further(output: &OutputSpec) -> Vec<&'static Layer> {
+    let mut further = LAYERS[FIRST_LAYERS..].to_vec();
+    further.retain(|layer| output.aovs.iter().flatten().any(|name| *name == layer.name));
+    further
 }
 
 impl Outputs {
@@ -54,7 +84,19 @@ impl Outputs {
             Some(Some(name)) => Some(base.join(name)),
             None => Some(image.with_extension("stats.json")),
         };
-        Ok(Self { image, half: output.half(), preview, exposure: output.exposure(), stats })
+        let layers = match &output.layers {
+            _ if overrides.no_layers => LayersTo::Nowhere,
+            _ if output.layers_in_image() => LayersTo::Image,
+            Some(None) => LayersTo::Nowhere,
+            Some(Some(name)) if overrides.image.is_none() => LayersTo::File(base.join(name)),
+            _ => LayersTo::File(layers_beside(&image)),
+        };
+        let mut further = further(&output);
+        if layers == LayersTo::Nowhere {
+            further.clear();
+        }
+        let (half, exposure) = (output.half(), output.exposure());
+        Ok(Self { image, half, preview, exposure, stats, further, layers })
     }
 }
 
@@ -85,11 +127,14 @@ impl Settings {
     /// What is written, for messages and to be checked; `pixels`: how many the image has, if that
     /// is known.
     pub(crate) fn targets(&self, pixels: u64) -> Vec<Target> {
-        let Outputs { image, half, preview, stats, .. } = &self.outputs;
+        let Outputs { image, half, preview, stats, further, layers, .. } = &self.outputs;
         let of_image = self.overrides.image.is_some();
         let at = |key: &str, by_option: bool| (!by_option).then(|| self.places.at(key));
-        // Colour and alpha, and the variance of each in single precision, and the job's text.
-        let per_pixel = if *half { 4 * 2 + 4 * 4 } else { 4 * 4 + 4 * 4 };
+        // Colour and alpha; variances and what was asked for in single precision; the job's text.
+        let picture = if *half { 4 * 2 } else { 4 * 4 };
+        let channels: usize = further.iter().map(|layer| layer.channels.len()).sum();
+        let of_layers = 4 * (VARIANCE.channels.len() + channels) as u64;
+        let per_pixel = if *layers == LayersTo::Image { picture + of_layers } else { picture };
         let mut targets = vec![Target {
             what: "the image",
             path: image.clone(),
@@ -105,6 +150,15 @@ impl Settings {
             remedy: "name another file: `preview` under `output`, or --preview on the command \
                      line; null or --no-preview for none",
         }));
+        if let LayersTo::File(path) = layers {
+            targets.push(Target {
+                what: "the file of layers",
+                path: path.clone(),
+                at: at("/output/layers", of_image),
+                bytes: pixels.saturating_mul(of_layers).saturating_add(1 << 12),
+                remedy: "name another file: `layers` under `output`; null or --no-layers for none",
+            });
+        }
         targets.extend(stats.iter().map(|path| Target {
             what: "the statistics file",
             path: path.clone(),

@@ -23,6 +23,8 @@ pub struct Overrides {
     pub no_preview: bool,
     /// Write no statistics.
     pub no_stats: bool,
+    /// Write no layers.
+    pub no_layers: bool,
     /// Where to write the job that renders the same image again, relative to the current folder.
     pub save_job: Option<PathBuf>,
 }

@@ -8,7 +8,7 @@ use fnv::FnvHasher;
 use pileus_scene::volume_spec::{AlbedoSpec, DensitySpec, Rgb};
 use pileus_scene::{Scene, VolumeSource};
 
-use super::{Outputs, Settings};
+use super::{LayersTo, Outputs, Settings};
 use crate::job::{CameraSpec, Job, LightSpec, OutputSpec};
 
 impl Settings {
@@ -56,6 +56,17 @@ impl Settings {
             job.output.get_or_insert_default().preview = Some(preview);
         }
         let named = job.output.as_ref().is_some_and(|output| output.stats.is_some());
+        if options.no_layers {
+            let output = job.output.get_or_insert_default();
+            (output.layers, output.aovs, output.layers_in_image) = (Some(None), None, None);
+        } else if moved && job.output.as_ref().is_some_and(|output| output.layers.is_some()) {
+            let layers = match &outputs.layers {
+                LayersTo::File(path) => Some(Some(text(path))),
+                LayersTo::Image => None,
+                LayersTo::Nowhere => Some(None),
+            };
+            job.output.get_or_insert_default().layers = layers;
+        }
         if options.no_stats || moved && !named {
             job.output.get_or_insert_default().stats = Some(outputs.stats.as_deref().map(text));
         }
@@ -78,13 +89,22 @@ impl Settings {
                 spec.image = spec.image.as_deref().map(whole);
             }
         }
-        let Outputs { image, preview, stats, exposure, .. } = &self.outputs;
+        let Outputs { image, preview, stats, exposure, layers, .. } = &self.outputs;
+        let mut output = job.output.unwrap_or_default();
+        if *layers == LayersTo::Nowhere {
+            (output.aovs, output.layers_in_image) = (None, None);
+        }
         job.output = Some(OutputSpec {
             image: Some(here(image)),
             preview: Some(preview.as_deref().map(here)),
             stats: Some(stats.as_deref().map(here)),
             exposure: Some(*exposure),
-            ..job.output.unwrap_or_default()
+            layers: match layers {
+                LayersTo::File(path) => Some(Some(here(path))),
+                LayersTo::Image => None,
+                LayersTo::Nowhere => Some(None),
+            },
+            ..output
         });
         job
     }

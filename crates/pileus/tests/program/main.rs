@@ -11,6 +11,7 @@ mod images;
 mod info;
 mod interrupt;
 mod jobs;
+mod layers;
 mod others;
 mod outputs;
 mod probe;

@@ -71,6 +71,8 @@ fn outputs_do_not_overwrite_each_other() {
         json!({ "image": "a.exr", "stats": "a.png", "preview": "a.png" }),
         json!({ "image": "a.exr", "stats": "sub/../a.exr" }),
         json!({ "image": "a.exr", "stats": "./a.png" }),
+        json!({ "image": "a.exr", "layers": "a.exr" }),
+        json!({ "image": "a.exr", "stats": "a.layers.exr" }),
     ] {
         let word = "would overwrite";
         refused(folder.path(), &endless(output), 3, &[word, "job.json:1:", "/output"]);
@@ -135,6 +137,7 @@ fn inputs_are_not_overwritten() {
         json!({ "image": "a.exr", "preview": "wood.png" }),
         // Nobody named the preview.
         json!({ "image": "wood.exr" }),
+        json!({ "image": "a.exr", "layers": "sky.exr" }),
     ];
     if cfg!(unix) {
         cases.push(json!({ "image": "link.exr" }));
@@ -269,16 +272,25 @@ fn space_is_tried_out_before_rendering() {
 fn pictures_and_statistics_stand_beside_the_image_unless_refused() {
     let image = json!({ "image": "a.exr" });
     for (output, options, expected) in [
-        (image.clone(), vec![], vec!["a.exr", "a.png", "a.stats.json"]),
-        (image.clone(), vec!["--no-stats"], vec!["a.exr", "a.png"]),
-        (image.clone(), vec!["--no-preview"], vec!["a.exr", "a.stats.json"]),
-        (json!({ "image": "a.exr", "preview": null, "stats": null }), vec![], vec!["a.exr"]),
+        (image.clone(), vec![], vec!["a.exr", "a.layers.exr", "a.png", "a.stats.json"]),
+        (image.clone(), vec!["--no-stats"], vec!["a.exr", "a.layers.exr", "a.png"]),
+        (image.clone(), vec!["--no-layers"], vec!["a.exr", "a.png", "a.stats.json"]),
+        (image.clone(), vec!["--no-preview"], vec!["a.exr", "a.layers.exr", "a.stats.json"]),
         (
-            json!({ "image": "a.exr", "preview": "b.png" }),
+            json!({ "image": "a.exr", "preview": null, "stats": null, "layers": null }),
             vec![],
-            vec!["a.exr", "a.stats.json", "b.png"],
+            vec!["a.exr"],
         ),
-        (image, vec!["-o", "c.exr"], vec!["c.exr", "c.png", "c.stats.json"]),
+        (
+            json!({ "image": "a.exr", "preview": "b.png", "layers": "b.exr" }),
+            vec![],
+            vec!["a.exr", "a.stats.json", "b.exr", "b.png"],
+        ),
+        (
+            json!({ "image": "a.exr", "layers": "b.exr" }),
+            vec!["-o", "c.exr"],
+            vec!["c.exr", "c.layers.exr", "c.png", "c.stats.json"],
+        ),
     ] {
         let folder = folder(&[("job.json", &quick(output).to_string())]);
         let mut arguments = vec!["check", "job.json"];
@@ -305,7 +317,7 @@ fn pictures_and_statistics_stand_beside_the_image_unless_refused() {
     let small = ["--spp", "1", "--resolution", "8x8"];
     let output = run(folder.path(), &[&["render", "shot.gltf"], &small[..]].concat());
     assert!(output.status.success(), "{}", stderr(&output));
-    let expected = ["shot.exr", "shot.gltf", "shot.png", "shot.stats.json"];
+    let expected = ["shot.exr", "shot.gltf", "shot.layers.exr", "shot.png", "shot.stats.json"];
     assert_eq!(names(folder.path()), expected);
 }
 
@@ -316,6 +328,7 @@ fn frame_numbers_are_not_filled_into_outputs() {
         json!({ "image": "fire.####.exr" }),
         json!({ "image": "a.exr", "preview": "fire.#.png" }),
         json!({ "image": "a.exr", "stats": "fire.#.json" }),
+        json!({ "image": "a.exr", "layers": "fire.#.exr" }),
     ] {
         refused(folder.path(), &endless(output), 5, &["no frame number", "/output/"]);
     }
@@ -325,8 +338,10 @@ fn frame_numbers_are_not_filled_into_outputs() {
 
 #[test]
 fn what_killed_programs_left_is_removed() {
-    let job = quick(json!({ "image": "a.exr", "preview": null, "stats": null }));
+    let job = quick(json!({ "image": "a.exr", "preview": null, "stats": null, "layers": null }));
     let left = [
+        (".pileus-a8Bc01.tmp", "part of an image"),
+        (".pileus-a8Bc012.tmp", "not ours"),
         (".pileus-4194305-0.tmp", ""),
         (".pileus-1-77.tmp", "part of an image"),
         (".pileus-x-77.tmp", "not ours"),
@@ -345,6 +360,7 @@ fn what_killed_programs_left_is_removed() {
         [
             ".pileus-1-77.tmp2",
             ".pileus-2-2.tmp",
+            ".pileus-a8Bc012.tmp",
             ".pileus-x-77.tmp",
             "a.exr",
             "job.json",
