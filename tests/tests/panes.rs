@@ -125,7 +125,7 @@ fn panes_dim_and_tint() {
         ("point", grey(0.8), &all[1..2], Distance::Auto),
         ("spot", grey(0.8), &all[2..], Distance::Auto),
         ("all, chromatic", chromatic, &all[..], Distance::Auto),
-        ("all, a power law", grey(0.8).with_law(Some(Arc::new(law))), &all[..], Distance::Auto),
+        ("all, a power law", grey(0.8).with_transmittance_function(Some(Arc::new(law))), &all[..], Distance::Auto),
         ("point and spot, equal angles", grey(0.1), &all[1..], Distance::Equiangular),
     ]
     .into_iter()

@@ -1,7 +1,7 @@
 //! Scenes that Blender exported: the right camera, lights and volumes in the right place.
 
 use glam::{DVec3, Vec3};
-use pileus_media::{Albedo, GridMedium, Medium, Phase};
+use pileus_media::{Albedo, Medium, Phase};
 use pileus_scene::volume::DefaultScale;
 use pileus_scene::{CameraRequest, Error, GlassRule, Light, Loaded, Place, Scene, SceneRequest};
 use pileus_tests::root;
@@ -33,13 +33,6 @@ fn load(path: &Path, resolution: Option<[u32; 2]>, lumens_per_watt: f64) -> Resu
         default_scale: DefaultScale::One,
         glass_rule: GlassRule::default(),
     })
-}
-
-fn grid(medium: &Medium) -> &GridMedium {
-    match medium {
-        Medium::Grid(grid) => grid,
-        Medium::Homogeneous(_) => panic!("a grid is expected"),
-    }
 }
 
 #[test]
@@ -89,9 +82,9 @@ fn studio_smoke_is_turned_scaled_and_placed() {
     let scene = load(&path, None, 683.0).unwrap().scene;
     let [volume] = scene.volumes.as_slice() else { panic!() };
     assert_eq!(volume.name, "smoke");
-    let medium = grid(&volume.medium);
+    let medium = &volume.medium;
     assert!(matches!(medium.phase(), Phase::HenyeyGreenstein { g } if *g == 0.3));
-    let Albedo::Constant(albedo) = medium.albedo() else { panic!() };
+    let Albedo::Constant(albedo) = medium.optics().albedo() else { panic!() };
     assert_eq!(*albedo, [0.8, 0.8, 0.85]);
 
     // By hand: voxel 1/32, Z up to Y up, scale 1.2, 25 degrees about Y, translation.

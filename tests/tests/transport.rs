@@ -10,7 +10,7 @@ use pileus_integrator::{
 use pileus_media::distance::DistanceSampler;
 use pileus_media::phase::ISOTROPIC;
 use pileus_media::transmittance::Estimator;
-use pileus_media::{HomogeneousMedium, Medium, Phase, random::uniform};
+use pileus_media::{Medium, Phase, random::uniform};
 use pileus_scene::{Environment, EnvironmentImage, Light, Point, Spot};
 use pileus_tests::*;
 use rand_pcg::Pcg32;
@@ -117,10 +117,10 @@ fn absorption_is_beer_lambert() {
     // channels part, the thinnest loses no path at all in some block, and its variance is not known.
     let distance = Distance::By(DistanceSampler::Spectral);
     let result = rendered(&plume, &RenderSettings { distance, ..point_filter(4096, 4) });
-    let Medium::Grid(grid) = &*plume.volumes[0].medium else { panic!("a grid") };
+    let medium = &plume.volumes[0].medium;
     assert_expected("plume, per channel", &result, |x, y| {
         let (o, d) = pixel_ray(&plume, x, y);
-        let tau = pileus_media::optical_depth(grid, o, d, 0.0, 100.0, &mut Default::default());
+        let tau = pileus_media::optical_depth(medium, o, d, 0.0, 100.0, &mut Default::default());
         [1.0, 1.0 / 3.0, 1.0 / 12.0].map(|relative| (-tau * relative).exp())
     });
     // Alpha is one minus the transmittance of the strongest channel's walk; here it is per path, so compare with the mean colour.
@@ -409,8 +409,8 @@ fn camera_inside_and_endless_fog() {
     assert!(result.image.channel("G").unwrap().iter().all(|v| (v - 1.0).abs() < 1e-6));
 
     // Absorbing fog in all space with a point light: single scattering by quadrature.
-    let fog = HomogeneousMedium::new([0.2; 3], None, [0.5; 3], Phase::Isotropic).unwrap();
-    let mut endless = scene(vec![Medium::Homogeneous(fog)], EYE, DVec3::ZERO, 40.0);
+    let fog = Medium::homogeneous([0.2; 3], None, [0.5; 3], Phase::Isotropic).unwrap();
+    let mut endless = scene(vec![fog], EYE, DVec3::ZERO, 40.0);
     let at = DVec3::new(0.5, 1.0, -1.0);
     endless.lights.push(Light::Point(Point { position: at, intensity: Vec3::splat(10.0) }));
     let single = RenderSettings { max_bounces: Some(1), ..point_filter(2048, 2) };
@@ -561,8 +561,8 @@ fn equiangular_points_serve_lights_in_thin_media() {
 #[test]
 fn endless_fog_that_is_clear_in_one_channel() {
     let fog =
-        pileus_media::HomogeneousMedium::new([1.0, 0.3, 0.0], None, [0.5; 3], hg(0.0)).unwrap();
-    let mut scene = scene(vec![Medium::Homogeneous(fog)], EYE, DVec3::ZERO, 24.0);
+        pileus_media::Medium::homogeneous([1.0, 0.3, 0.0], None, [0.5; 3], hg(0.0)).unwrap();
+    let mut scene = scene(vec![fog], EYE, DVec3::ZERO, 24.0);
     scene.environment.constant = Vec3::new(0.0, 0.0, 0.7);
     scene.lights.push(sun(Vec3::Y, Vec3::splat(3.0), 0.0));
     let image = rendered(&scene, &settings(256, 5));

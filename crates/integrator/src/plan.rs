@@ -14,7 +14,7 @@ use crate::world::luminance;
 use pileus_media::distance::DistanceSampler;
 use pileus_media::law::Law;
 use pileus_media::transmittance::Estimator;
-use pileus_media::{Albedo, MajorantStructure, Medium};
+use pileus_media::{Albedo, GridShape, MajorantStructure, Medium};
 use pileus_scene::{Light, Scene, Surfaces};
 use serde::Serialize;
 use std::fmt;
@@ -179,7 +179,7 @@ impl Plan {
         let mut reasons = Vec::new();
         let volumes: Vec<PlannedVolume> =
             scene.volumes.iter().map(|volume| describe(&volume.name, &volume.medium)).collect();
-        let grids = scene.volumes.iter().filter(|v| matches!(*v.medium, Medium::Grid(_))).count();
+        let grids = scene.volumes.iter().filter(|v| v.medium.grid().is_some()).count();
         let grey = volumes.iter().all(|v| v.grey);
         let plain = scene.volumes.iter().all(|v| v.medium.phase().plain().is_some());
         let wide = scene.volumes.iter().any(|v| is_wide(&v.medium));
@@ -188,7 +188,7 @@ impl Plan {
         let fires = scene.fires().count();
         let flakes = || scene.volumes.iter().filter_map(|volume| volume.medium.phase().flakes());
         let of_flakes = flakes().next().is_some();
-        let laws = scene.volumes.iter().any(|volume| volume.medium.law().is_some());
+        let laws = scene.volumes.iter().any(|volume| volume.medium.transmittance_function().is_some());
         let kernel = match volumes.len() {
             _ if laws => KernelKind::UnderLaw,
             _ if surfaces.is_some() || fires > 0 => KernelKind::Whole,
@@ -387,9 +387,9 @@ impl Plan {
             ));
             return;
         }
-        let grids = media().any(|medium| matches!(medium, Medium::Grid(_)));
+        let grids = media().any(|medium| medium.grid().is_some());
         let of_flakes = media().any(|medium| medium.phase().flakes().is_some());
-        let laws = media().any(|medium| medium.law().is_some());
+        let laws = media().any(|medium| medium.transmittance_function().is_some());
         let parts = self.kernel == KernelKind::SingleChromatic;
         let methods = self.methods;
         let tracked = matches!(
@@ -495,7 +495,7 @@ const THIN: f64 = 0.1;
 
 /// Whether rays through a medium are walked in parts.
 fn is_wide(medium: &Medium) -> bool {
-    matches!(medium, Medium::Grid(grid) if grid.is_wide())
+    medium.grid().is_some_and(GridShape::is_wide)
 }
 
 /// Whether the settings allow channels to fly by delta tracking and to part: both walks by tentative collisions of bounds that hold.
@@ -562,9 +562,9 @@ fn check_laws(
         remedy: format!("use {remedy}, or `auto`"),
     };
     for volume in &scene.volumes {
-        let Some(law) = volume.medium.law() else { continue };
+        let Some(law) = volume.medium.transmittance_function() else { continue };
         let (name, rates) = (&volume.name, law.is_mixture_of_exponentials());
-        let by_rates = rates && matches!(*volume.medium, Medium::Grid(_));
+        let by_rates = rates && volume.medium.grid().is_some();
         let distance_holds = match settings.distance {
             Distance::Auto => true,
             Distance::Equiangular | Distance::Split => false,
@@ -656,7 +656,7 @@ fn choose(
         );
     }
     if distance == DistanceSampler::Analytic
-        && let Some(grid) = scene.volumes.iter().find(|v| matches!(*v.medium, Medium::Grid(_)))
+        && let Some(grid) = scene.volumes.iter().find(|v| v.medium.grid().is_some())
     {
         return Err(Error::Invalid {
             what: format!(
@@ -811,9 +811,8 @@ const TOO_DENSE: f64 = 1e7;
 
 /// The largest optical depth per voxel of the majorants, and the volume's name.
 fn densest<'a>(scene: &'a Scene, settings: &RenderSettings) -> Option<(f64, &'a str)> {
-    let depth = |volume: &'a pileus_scene::Volume| match &*volume.medium {
-        Medium::Grid(grid) => Some((grid.majorant_depth_per_voxel(), volume.name.as_str())),
-        Medium::Homogeneous(_) => None,
+    let depth = |volume: &'a pileus_scene::Volume| {
+        Some((volume.medium.grid()?.majorant_depth_per_voxel(), volume.name.as_str()))
     };
     let densest = scene.volumes.iter().filter_map(depth).max_by(|a, b| a.0.total_cmp(&b.0));
     densest.map(|(depth, name)| (depth * f64::from(settings.majorant_scale.max(1.0)), name))
@@ -824,34 +823,19 @@ fn describe(name: &str, medium: &Medium) -> PlannedVolume {
     let color = |c: [f32; 3]| {
         if c[0] == c[1] && c[1] == c[2] { c[0].to_string() } else { format!("{c:?}") }
     };
-    match medium {
-        Medium::Grid(grid) => {
-            let report = grid.grid().report();
-            PlannedVolume {
-                name: name.to_owned(),
-                kind: "grid",
-                grey: grid.is_grey(),
-                sigma_t_max: f64::from(grid.scale()) * f64::from(grid.grid().range().1),
-                voxels: Some(if report.stored_as_half { "binary16" } else { "binary32" }),
-                bytes: report.bytes_voxels + report.bytes_bounds + report.bytes_index,
-                law: medium.law().map(ToString::to_string),
-                phase,
-                albedo: match grid.albedo() {
-                    Albedo::Constant(albedo) => color(*albedo),
-                    Albedo::Grid(_) => "grid".to_owned(),
-                },
-            }
-        }
-        Medium::Homogeneous(homogeneous) => PlannedVolume {
-            name: name.to_owned(),
-            kind: "homogeneous",
-            grey: homogeneous.is_grey(),
-            sigma_t_max: f64::from(homogeneous.scale()),
-            voxels: None,
-            bytes: 0,
-            law: medium.law().map(ToString::to_string),
-            phase,
-            albedo: color(homogeneous.albedo().to_array()),
+    let report = medium.grid().map(|grid| grid.voxels().report());
+    PlannedVolume {
+        name: name.to_owned(),
+        kind: if report.is_some() { "grid" } else { "homogeneous" },
+        grey: medium.is_grey(),
+        sigma_t_max: medium.largest_sigma_t(),
+        voxels: report.map(|report| if report.stored_as_half { "binary16" } else { "binary32" }),
+        bytes: report.map_or(0, |r| r.bytes_voxels + r.bytes_bounds + r.bytes_index),
+        law: medium.transmittance_function().map(ToString::to_string),
+        phase,
+        albedo: match medium.optics().albedo() {
+            Albedo::Constant(albedo) => color(*albedo),
+            Albedo::Grid(_) => "grid".to_owned(),
         },
     }
 }

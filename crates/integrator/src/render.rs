@@ -17,7 +17,7 @@ use crate::world::{MediaAlone, Whole, World, luminance};
 use glam::Vec3;
 use pileus_film::{Film, PixelSample, Tile};
 use pileus_media::transmittance::Telescope;
-use pileus_media::{GridMedium, MajorantStructure, Medium, Voxel, VoxelKernel};
+use pileus_media::{GridShape, MajorantStructure, Medium, Voxel, VoxelKernel};
 use pileus_scene::Scene;
 use rayon::prelude::*;
 use std::marker::PhantomData;
@@ -195,15 +195,15 @@ fn dispatch<J: Job>(
     let typical_sigma_t = if plan.equiangular { typical_sigma_t(scene) } else { 0.0 };
     let common = Common { scene, plan, limits, typical_sigma_t };
     if let (KernelKind::SingleGrey | KernelKind::SingleChromatic, [medium]) = (plan.kernel, media)
-        && let Medium::Grid(medium) = &**medium
+        && let Some(grid) = medium.grid()
     {
-        let own = medium.majorants().structure() == MajorantStructure::Adaptive
+        let own = grid.majorants().structure() == MajorantStructure::Adaptive
             && !settings.shared_kernel;
-        let single = Single { medium, common, job };
+        let single = Single { medium, grid, common, job };
         return if own {
-            medium.with_voxels(On::<_, DefaultStructure>(single, PhantomData))
+            grid.with_voxels(On::<_, DefaultStructure>(single, PhantomData))
         } else {
-            medium.with_voxels(On::<_, AnyStructure>(single, PhantomData))
+            grid.with_voxels(On::<_, AnyStructure>(single, PhantomData))
         };
     }
     let media = Overlapping { media, index: &plan.media.index, methods: plan.methods };
@@ -232,7 +232,8 @@ fn dispatch<J: Job>(
 
 /// The single-grid kernels, waiting for their voxel type.
 struct Single<'a, J> {
-    medium: &'a GridMedium,
+    medium: &'a Medium,
+    grid: &'a GridShape,
     common: Common<'a>,
     job: &'a mut J,
 }
@@ -243,13 +244,14 @@ struct On<T, S>(T, PhantomData<S>);
 impl<J: Job, S: Structures> VoxelKernel for On<Single<'_, J>, S> {
     type Output = J::Output;
     fn run<V: Voxel>(self, voxels: &[V]) -> J::Output {
-        let Single { medium, common, job } = self.0;
+        let Single { medium, grid, common, job } = self.0;
         let (structures, plan) = (PhantomData::<S>, common.plan);
+        let one = SingleGrid { medium, grid, voxels };
         if plan.kernel == KernelKind::SingleChromatic {
-            let media = SingleChromatic { structures, medium, voxels, weighted: plan.mis };
+            let media = SingleChromatic { structures, one, weighted: plan.mis };
             return run_planned(plan, job, &common.kernel(media, MediaAlone));
         }
-        let media = SingleGrey { structures, medium, voxels, methods: plan.methods };
+        let media = SingleGrey { structures, one, methods: plan.methods };
         run_planned(plan, job, &common.kernel(media, MediaAlone))
     }
 }

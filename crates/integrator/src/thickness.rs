@@ -1,7 +1,7 @@
 //! How thick the media of a scene are, roughly: what choices and weights may use, since they are unbiased whatever it is.
 
 use glam::DVec3;
-use pileus_media::Medium;
+use pileus_media::{Medium, Shape};
 use pileus_scene::Scene;
 
 /// Points per axis at which media are looked up for their typical extinction.
@@ -9,19 +9,19 @@ const TYPICAL_LATTICE: u32 = 12;
 
 /// Mean extinction over a medium's box, 1/length.
 fn mean_sigma_t(medium: &Medium) -> f64 {
-    match (medium, medium.bounds_world()) {
-        (Medium::Homogeneous(medium), _) => f64::from(medium.scale()),
-        (Medium::Grid(medium), Some((low, high))) => {
+    match (medium.shape(), medium.bounds_world()) {
+        (Shape::Box(shape), _) => f64::from(shape.sigma_t()),
+        (Shape::Grid(grid), Some((low, high))) => {
             let n = TYPICAL_LATTICE;
             let at = |i: u32| (f64::from(i) + 0.5) / f64::from(n);
             let mut total = 0.0;
             for i in 0..n.pow(3) {
                 let u = DVec3::new(at(i % n), at(i / n % n), at(i / (n * n)));
-                total += medium.sigma_t_at(low + (high - low) * u);
+                total += grid.sigma_t_at(low + (high - low) * u);
             }
             total / f64::from(n.pow(3))
         }
-        (Medium::Grid(_), None) => 0.0,
+        (Shape::Grid(_), None) => 0.0,
     }
 }
 

@@ -12,7 +12,6 @@ mod error;
 mod field;
 pub mod flakes;
 mod grid;
-mod homogeneous;
 mod index_map;
 pub mod law;
 mod majorant;
@@ -36,12 +35,14 @@ pub use emission::{
 pub use error::Error;
 pub use field::{ExactField, MajorantSegment, RayField};
 pub use grid::{BuildReport, GridView, Half, Interpolation, Voxel, VoxelGrid, VoxelGridOptions};
-pub use homogeneous::{HomogeneousMedium, HomogeneousRay};
 pub use majorant::{
     Adaptive, AnyPartition, COLLISION_COST, Cell, Corner, GridRay, Hierarchy, Lowest,
     MajorantStructure, Majorants, Partition, STEP_COST, StructureCost, WideRay,
 };
-pub use medium::{Albedo, AnyGridRay, FieldKernel, GridMedium, Medium, Span, VoxelKernel};
+pub use medium::{
+    Albedo, AnyGridRay, AnyRay, BoxShape, FieldKernel, GridShape, HomogeneousRay, Medium, Optics,
+    Shape, Span, VoxelKernel,
+};
 pub use phase::{Phase, PhaseAt};
 pub use scaled::Scaled;
 pub use tally::Tally;

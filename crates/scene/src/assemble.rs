@@ -233,14 +233,12 @@ impl Balls {
                 add(bounds, &|p| f64::from(emission.emission(p).max_element()));
             }
             // What only gives off light is seen by that alone.
-            let clear = matches!(&*volume.medium, Medium::Grid(medium) if medium.scale() == 0.0);
+            let grid = volume.medium.grid();
+            let clear = grid.is_some_and(|grid| grid.sigma_t_scale() == 0.0);
             if let Some(bounds) = volume.medium.bounds_world()
                 && !(clear && lit.is_some())
             {
-                add(bounds, &|p| match &*volume.medium {
-                    Medium::Grid(medium) => medium.sigma_t_at(p),
-                    Medium::Homogeneous(_) => 0.0,
-                });
+                add(bounds, &|p| grid.map_or(0.0, |grid| grid.sigma_t_at(p)));
             }
         }
         let instances = surfaces.into_iter().flat_map(Surfaces::instance_bounds);

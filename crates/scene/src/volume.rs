@@ -7,10 +7,7 @@ use std::time::Instant;
 
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 use pileus_media::phase::CosineGrid;
-use pileus_media::{
-    Albedo, BuildReport, Clamped, ColorGrid, EmissionField, GridMedium, HomogeneousMedium,
-    Interpolation, Medium, Phase, VoxelGrid, VoxelGridOptions,
-};
+use pileus_media::{Albedo, BuildReport, Clamped, ColorGrid, EmissionField, Medium, Interpolation, Phase, VoxelGrid, VoxelGridOptions};
 use pileus_vdb::{GridClass, GridInfo, MetaValue, Tree, ValueType, Values, VdbFile};
 
 use crate::camera::corners;
@@ -210,9 +207,9 @@ impl VolumeLoader {
         }
         let build = grid.report().clone();
         let sigma_t = extinction.map(|e| (e * scale) as f32);
-        let medium = GridMedium::new(grid, index_to_world, sigma_t, albedo, phase)
+        let medium = Medium::from_grid(grid.clone(), index_to_world, sigma_t, albedo, phase)
             .map_err(|source| Error::medium(place(""), source))?
-            .with_law(law);
+            .with_transmittance_function(law);
         let emission = match spec.emission.as_ref().or(fire.as_ref()) {
             None => None,
             Some(emission) => {
@@ -224,6 +221,7 @@ impl VolumeLoader {
                     interpolation,
                     placement,
                     medium: &medium,
+                    density: grid,
                     medium_to_world: index_to_world,
                     sigma_t,
                 };
@@ -232,7 +230,7 @@ impl VolumeLoader {
         };
         Ok(Volume {
             name: name(request),
-            medium: Arc::new(Medium::Grid(medium)),
+            medium: Arc::new(medium),
             emission,
             source: VolumeSource::Vdb {
                 grid: info.full_name(),
@@ -695,12 +693,12 @@ fn load_homogeneous(
         })?),
     };
     let sigma_t = extinction.map(|e| (e * homogeneous.sigma_t) as f32);
-    let medium = HomogeneousMedium::new(sigma_t, bounds, albedo, phase)
+    let medium = Medium::homogeneous(sigma_t, bounds, albedo, phase)
         .map_err(|source| Error::medium(place("/homogeneous"), source))?
-        .with_law(law);
+        .with_transmittance_function(law);
     Ok(Volume {
         name: name(request),
-        medium: Arc::new(Medium::Homogeneous(medium)),
+        medium: Arc::new(medium),
         emission: None,
         source: VolumeSource::Homogeneous,
     })
@@ -943,7 +941,7 @@ fn median_depth(
     const SIDE: usize = 16;
     let albedo = Albedo::Constant([1.0; 3]);
     let medium =
-        GridMedium::new(grid.clone(), *index_to_world, [1.0; 3], albedo, Phase::Isotropic)?;
+        Medium::from_grid(grid.clone(), *index_to_world, [1.0; 3], albedo, Phase::Isotropic)?;
     let Some((low, high)) = medium.bounds_world() else { return Ok(0.0) };
     let size = high - low;
     let mut depths = Vec::with_capacity(3 * SIDE * SIDE);

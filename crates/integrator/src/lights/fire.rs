@@ -55,7 +55,7 @@ impl Fire {
         let media: Vec<_> = scene.volumes.iter().filter(near).map(|v| &v.medium).collect();
         let mean: Vec<f64> = media
             .iter()
-            .map(|medium| f64::from(medium.relative_extinction().element_sum()) / 3.0)
+            .map(|medium| f64::from(medium.chromatic_ratio().element_sum()) / 3.0)
             .collect();
         let sigma_t = |p: DVec3| {
             media.iter().zip(&mean).map(|(medium, mean)| mean * medium.sigma_t_at(p)).sum()

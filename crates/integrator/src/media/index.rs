@@ -69,7 +69,7 @@ impl MediaIndex {
         for (i, medium) in media.iter().enumerate() {
             match medium.bounds_world() {
                 Some(bounds) => bounded.push((number(i), bounds)),
-                None if matches!(**medium, Medium::Homogeneous(_)) => always.push(number(i)),
+                None if medium.homogeneous_box().is_some() => always.push(number(i)),
                 // An empty grid.
                 None => {}
             }
@@ -166,7 +166,7 @@ mod tests {
     use super::*;
     use glam::Vec3;
     use pileus_media::random::uniform;
-    use pileus_media::{HomogeneousMedium, Phase};
+    use pileus_media::{Medium, Phase};
     use rand_pcg::Pcg32;
 
     fn boxes(n: usize, spread: f64, size: f64, offset: DVec3, rng: &mut Pcg32) -> Vec<Arc<Medium>> {
@@ -176,8 +176,7 @@ mod tests {
                 let low = offset + DVec3::new(u(rng), u(rng), u(rng)) * spread;
                 let bounds = Some((low, low + size * (0.1 + u(rng))));
                 let phase = Phase::Isotropic;
-                let medium = HomogeneousMedium::new([1.0; 3], bounds, [0.5; 3], phase).unwrap();
-                Arc::new(Medium::Homogeneous(medium))
+                Arc::new(Medium::homogeneous([1.0; 3], bounds, [0.5; 3], phase).unwrap())
             })
             .collect()
     }
@@ -190,8 +189,8 @@ mod tests {
         for (spread, size) in [(10.0, 1.0), (1e4, 1e-2), (1.0, 3.0), (1e6, 1e5)] {
             for offset in [DVec3::ZERO, DVec3::splat(1e6), DVec3::new(-3e7, 0.0, 5.0)] {
                 let mut media = boxes(150, spread, size, offset, &mut rng);
-                let fog = HomogeneousMedium::new([0.1; 3], None, [0.5; 3], Phase::Isotropic);
-                media.push(Arc::new(Medium::Homogeneous(fog.unwrap())));
+                let fog = Medium::homogeneous([0.1; 3], None, [0.5; 3], Phase::Isotropic);
+                media.push(Arc::new(fog.unwrap()));
                 let index = MediaIndex::new(&media);
                 let mut hits = 0;
                 for kind in 0..4000 {
@@ -214,7 +213,6 @@ mod tests {
                     let ray = Ray { origin, direction };
                     let met = index.along(&ray, t_max);
                     for (i, medium) in media.iter().enumerate() {
-                        let Medium::Homogeneous(medium) = &**medium else { unreachable!() };
                         if medium.span(origin, direction, t_max).is_some() {
                             hits += 1;
                             assert_eq!(met.iter().filter(|m| **m == i as u32).count(), 1);

@@ -9,7 +9,7 @@ mod under_law;
 pub(crate) use index::{MediaIndex, Met};
 pub(crate) use overlapping::Overlapping;
 pub(crate) use single_chromatic::SingleChromatic;
-pub(crate) use single_grey::{AnyStructure, DefaultStructure, SingleGrey, Structures};
+pub(crate) use single_grey::{AnyStructure, DefaultStructure, SingleGrey, SingleGrid, Structures};
 pub(crate) use under_law::UnderLaw;
 
 use glam::{DVec3, Vec3};

@@ -12,12 +12,10 @@ use pileus_media::distance::{
     DistanceSampler, Flight, WeightedFlight, delta_tracking, delta_tracking_by_mean,
     real_probability, regular_flight, spectral_tracking,
 };
-use pileus_media::flakes::{FlakeRay, Flakes};
 use pileus_media::random::{exponential, happens};
 use pileus_media::transmittance::{Estimator, RatioEstimate, ratio_tracking_with_roulette};
 use pileus_media::{
-    AnyGridRay, Channels, ExactField, FieldKernel, Grey, GridMedium, HomogeneousMedium,
-    HomogeneousRay, MajorantSegment, Medium, PhaseAt, RayField, Relative, Span, Spectrum, Tally,
+    AnyRay, Channels, FieldKernel, Grey, Medium, PhaseAt, RayField, Relative, Span, Spectrum, Tally,
     Tentative, TentativeCollisions,
 };
 use rand_core::Rng;
@@ -29,84 +27,6 @@ pub(crate) struct Overlapping<'a> {
     pub(crate) media: &'a [Arc<Medium>],
     pub(crate) index: &'a MediaIndex,
     pub(crate) methods: Methods,
-}
-
-/// A field of either kind of medium.
-pub(super) enum AnyRay<'a> {
-    Grid(AnyGridRay<'a>),
-    Homogeneous(HomogeneousRay),
-    /// The same of flakes.
-    GridOfFlakes(FlakeRay<'a, AnyGridRay<'a>>),
-    HomogeneousFlakes(FlakeRay<'a, HomogeneousRay>),
-}
-
-impl RayField for AnyRay<'_> {
-    fn next_segment(&mut self) -> Option<MajorantSegment> {
-        match self {
-            AnyRay::Grid(ray) => ray.next_segment(),
-            AnyRay::Homogeneous(ray) => ray.next_segment(),
-            AnyRay::GridOfFlakes(ray) => ray.next_segment(),
-            AnyRay::HomogeneousFlakes(ray) => ray.next_segment(),
-        }
-    }
-    fn minorant(&self) -> f32 {
-        match self {
-            AnyRay::Grid(ray) => ray.minorant(),
-            AnyRay::Homogeneous(ray) => ray.minorant(),
-            AnyRay::GridOfFlakes(ray) => ray.minorant(),
-            AnyRay::HomogeneousFlakes(ray) => ray.minorant(),
-        }
-    }
-    fn sigma_t(&self, t: f32) -> f32 {
-        match self {
-            AnyRay::Grid(ray) => ray.sigma_t(t),
-            AnyRay::Homogeneous(ray) => ray.sigma_t(t),
-            AnyRay::GridOfFlakes(ray) => ray.sigma_t(t),
-            AnyRay::HomogeneousFlakes(ray) => ray.sigma_t(t),
-        }
-    }
-    fn sigma_t_anywhere(&self, t: f32) -> f32 {
-        match self {
-            AnyRay::Grid(ray) => ray.sigma_t_anywhere(t),
-            AnyRay::Homogeneous(ray) => ray.sigma_t_anywhere(t),
-            AnyRay::GridOfFlakes(ray) => ray.sigma_t_anywhere(t),
-            AnyRay::HomogeneousFlakes(ray) => ray.sigma_t_anywhere(t),
-        }
-    }
-    fn distance(&self, t: f64) -> f64 {
-        match self {
-            AnyRay::Grid(ray) => ray.distance(t),
-            AnyRay::GridOfFlakes(ray) => ray.distance(t),
-            AnyRay::Homogeneous(_) | AnyRay::HomogeneousFlakes(_) => t,
-        }
-    }
-    fn steps(&self) -> u64 {
-        match self {
-            AnyRay::Grid(ray) => ray.steps(),
-            AnyRay::Homogeneous(ray) => ray.steps(),
-            AnyRay::GridOfFlakes(ray) => ray.steps(),
-            AnyRay::HomogeneousFlakes(ray) => ray.steps(),
-        }
-    }
-}
-
-impl ExactField for AnyRay<'_> {
-    fn optical_depth(&self, tally: &mut Tally) -> f64 {
-        match self {
-            AnyRay::Grid(ray) => ray.optical_depth(tally),
-            AnyRay::Homogeneous(ray) => ray.optical_depth(tally),
-            AnyRay::GridOfFlakes(ray) => ray.optical_depth(tally),
-            AnyRay::HomogeneousFlakes(ray) => ray.optical_depth(tally),
-        }
-    }
-    fn t_at_depth(&self, depth: f64, tally: &mut Tally) -> Result<f32, f64> {
-        match self {
-            AnyRay::Grid(ray) => ray.t_at_depth(depth, tally),
-            AnyRay::Homogeneous(ray) => ray.t_at_depth(depth, tally),
-            AnyRay::GridOfFlakes(ray) => ray.t_at_depth(depth, tally),
-            AnyRay::HomogeneousFlakes(ray) => ray.t_at_depth(depth, tally),
-        }
-    }
 }
 
 /// A medium met by a ray, with its next tentative collision.
@@ -134,92 +54,42 @@ impl Walker<'_> {
 }
 
 /// Where a ray meets a medium: what is known before it is walked.
-pub(super) enum Entry<'a> {
-    Grid(&'a GridMedium, Span),
-    Homogeneous(&'a HomogeneousMedium, f64, f32),
-    /// The same of flakes, with the ray's direction.
-    GridOfFlakes(&'a GridMedium, &'a Flakes, Vec3, Span),
-    HomogeneousFlakes(&'a HomogeneousMedium, &'a Flakes, Vec3, (f64, f32)),
+pub(super) struct Entry<'a> {
+    medium: &'a Medium,
+    span: Span,
 }
 
 impl<'a> Entry<'a> {
     #[inline]
     pub(super) fn new(medium: &'a Medium, ray: &Ray, t_max: f64) -> Option<Entry<'a>> {
-        match medium {
-            Medium::Grid(grid) => {
-                let span = grid.span(ray.origin, ray.direction, t_max)?;
-                Some(match grid.phase().flakes() {
-                    None => Entry::Grid(grid, span),
-                    Some(flakes) => Entry::GridOfFlakes(grid, flakes, ray.direction, span),
-                })
-            }
-            Medium::Homogeneous(medium) => {
-                let (t_enter, length) = medium.span(ray.origin, ray.direction, t_max)?;
-                Some(match medium.phase().flakes() {
-                    None => Entry::Homogeneous(medium, t_enter, length),
-                    Some(flakes) => {
-                        let part = (t_enter, length);
-                        Entry::HomogeneousFlakes(medium, flakes, ray.direction, part)
-                    }
-                })
-            }
-        }
+        let span = medium.span(ray.origin, ray.direction, t_max)?;
+        Some(Entry { medium, span })
     }
 
     /// Where the ray leaves.
     fn t_exit(&self) -> f64 {
-        match self {
-            Entry::Grid(_, span) | Entry::GridOfFlakes(.., span) => span.t_exit(),
-            Entry::Homogeneous(_, t, length) | Entry::HomogeneousFlakes(.., (t, length)) => {
-                t + f64::from(*length)
-            }
-        }
+        self.span.t_exit()
     }
 
     /// Calls `kernel` with the field, compiled for its kind.
     #[inline(always)]
     fn with_field<K: FieldKernel>(&self, kernel: K) -> K::Output {
-        match self {
-            Entry::Grid(grid, span) => grid.with_ray(span, kernel),
-            Entry::Homogeneous(medium, _, length) => kernel.run(medium.ray(*length)),
-            Entry::GridOfFlakes(..) | Entry::HomogeneousFlakes(..) => kernel.run(self.field()),
-        }
+        self.medium.with_ray(&self.span, 1.0, kernel)
     }
 
     pub(super) fn t(&self) -> f64 {
-        match self {
-            Entry::Grid(_, span) | Entry::GridOfFlakes(.., span) => span.t_enter,
-            Entry::Homogeneous(_, t, _) | Entry::HomogeneousFlakes(.., (t, _)) => *t,
-        }
+        self.span.t_enter
     }
 
     /// Where on the ray the parameter `t` of the field is.
     #[inline]
     pub(super) fn at(&self, t: f32) -> f64 {
-        match self {
-            Entry::Grid(grid, span) | Entry::GridOfFlakes(grid, .., span) => {
-                grid.world_distance(span, t)
-            }
-            Entry::Homogeneous(..) | Entry::HomogeneousFlakes(..) => self.t() + f64::from(t),
-        }
+        self.medium.world_distance(&self.span, t)
     }
 
     #[inline]
     pub(super) fn field(&self) -> AnyRay<'a> {
-        match self {
-            Entry::Grid(grid, span) => AnyRay::Grid(grid.any_ray(span)),
-            Entry::Homogeneous(medium, _, length) => AnyRay::Homogeneous(medium.ray(*length)),
-            Entry::GridOfFlakes(grid, flakes, direction, span) => {
-                let density = grid.any_ray(span);
-                AnyRay::GridOfFlakes(grid.flake_ray(density, flakes, *direction, span))
-            }
-            Entry::HomogeneousFlakes(medium, flakes, direction, (_, length)) => {
-                let density = medium.ray(*length);
-                // The same everywhere: where the ray runs does not matter.
-                let ray = FlakeRay::new(density, flakes, *direction, [DVec3::ZERO; 2]);
-                AnyRay::HomogeneousFlakes(ray)
-            }
-        }
+        self.medium.any_ray(&self.span, 1.0)
     }
 }
 
@@ -228,28 +98,25 @@ pub(super) type Ahead<'a> = SmallVec<[(usize, Entry<'a>); 4]>;
 
 /// Transmittance of a grey homogeneous medium up to `t_max`: closed form; `None` for other media.
 fn closed_form(medium: &Medium, ray: &Ray, t_max: f64) -> Option<f32> {
-    let Medium::Homogeneous(medium) = medium else {
-        return None;
-    };
+    let shape = medium.homogeneous_box()?;
     if !medium.is_grey() {
         return None;
     }
-    let length = medium.span(ray.origin, ray.direction, t_max).map_or(0.0, |(_, length)| length);
+    let span = shape.span(ray.origin, ray.direction, t_max);
+    let length = span.map_or(0.0, |span| span.length);
     let shown = medium.phase().flakes().map_or(1.0, |flakes| flakes.largest_area(ray.direction));
-    let tau = f64::from(medium.scale() * shown) * f64::from(length);
+    let tau = f64::from(shape.sigma_t() * shown) * f64::from(length);
     // 0 x infinity: no extinction in all space.
     Some(if tau.is_nan() { 1.0 } else { libm::exp(-tau) as f32 })
 }
 
 /// Whether a ray never leaves a medium that differs per channel: without end, transmittance is zero or one.
 fn endless(medium: &Medium, ray: &Ray, t_max: f64) -> bool {
-    let Medium::Homogeneous(medium) = medium else {
+    let Some(shape) = medium.homogeneous_box() else {
         return false;
     };
-    !medium.is_grey()
-        && medium
-            .span(ray.origin, ray.direction, t_max)
-            .is_some_and(|(_, length)| length == f32::INFINITY)
+    let endless = |span: Span| span.length == f32::INFINITY;
+    !medium.is_grey() && shape.span(ray.origin, ray.direction, t_max).is_some_and(endless)
 }
 
 /// Optical depth of the strongest channel, and its extinction over the weakest one's, above which a
@@ -260,8 +127,8 @@ const MAX_WALKED_DEPTH: f64 = 256.0;
 /// walk.
 pub(super) fn is_uneven(medium: &Medium) -> bool {
     let uneven = |s: f32| s > 0.0 && f64::from(s) * MAX_WALKED_DEPTH < 1.0;
-    let relative = medium.relative_extinction();
-    matches!(medium, Medium::Homogeneous(_)) && relative.to_array().into_iter().any(uneven)
+    let relative = medium.chromatic_ratio();
+    medium.homogeneous_box().is_some() && relative.to_array().into_iter().any(uneven)
 }
 
 /// The strongest channel's optical depth of a leg through a homogeneous medium whose channels
@@ -272,12 +139,10 @@ pub(super) fn too_long_to_walk(medium: &Medium, ray: &Ray, t_max: f64) -> Option
     if !is_uneven(medium) {
         return None;
     }
-    let Medium::Homogeneous(medium) = medium else {
-        return None;
-    };
-    let (_, length) = medium.span(ray.origin, ray.direction, t_max)?;
+    let shape = medium.homogeneous_box()?;
+    let length = shape.span(ray.origin, ray.direction, t_max)?.length;
     let shown = medium.phase().flakes().map_or(1.0, |flakes| flakes.largest_area(ray.direction));
-    let depth = f64::from(medium.scale() * shown) * f64::from(length);
+    let depth = f64::from(shape.sigma_t() * shown) * f64::from(length);
     (depth > MAX_WALKED_DEPTH).then_some(depth)
 }
 
@@ -384,7 +249,7 @@ impl<'a> Overlapping<'a> {
             let factor = Vec3::splat(factor);
             return Some(Shadow { transmittance: factor, null_probability: factor });
         }
-        let relative = medium.relative_extinction();
+        let relative = medium.chromatic_ratio();
         if let Some(depth) = too_long_to_walk(medium, ray, t_max) {
             let passed =
                 |s: f32| if s > 0.0 { libm::exp(-f64::from(s) * depth) as f32 } else { 1.0 };
@@ -419,7 +284,7 @@ impl<'a> Overlapping<'a> {
             let sigma_t = medium.sigma_t_at(p_world) as f32;
             if sigma_t > 0.0 {
                 let sigma_t = sigma_t * factor(medium) * medium.projected_area(p_world, incoming);
-                let sigma_t = medium.relative_extinction() * sigma_t;
+                let sigma_t = medium.chromatic_ratio() * sigma_t;
                 visit(medium.albedo_at(p_world) * sigma_t, medium.phase_at(p_world, incoming, rng));
             }
         }
@@ -438,7 +303,7 @@ impl<'a> Overlapping<'a> {
     ) -> Option<Collision> {
         let medium = &self.media[index];
         let by_throughput = self.methods.distance == DistanceSampler::Spectral;
-        let relative = medium.relative_extinction();
+        let relative = medium.chromatic_ratio();
         let depth = first.unwrap_or_else(|| exponential(rng));
         let (beta, relative) = (flown.beta, (relative != Vec3::ONE).then_some(relative));
         let weighted =
@@ -475,7 +340,7 @@ impl<'a> Overlapping<'a> {
                 break;
             }
             let (medium, field) = (&self.media[index], entry.field());
-            let relative = medium.relative_extinction();
+            let relative = medium.chromatic_ratio();
             let first = first.take();
             let (flight, null_probability) = if relative == Vec3::ONE {
                 let grey = sampler.fly(field, Grey, 1.0, first, rng, tally);
@@ -528,7 +393,7 @@ impl<'a> Overlapping<'a> {
                 others.push(index);
                 continue;
             };
-            let channels = Relative(medium.relative_extinction());
+            let channels = Relative(medium.chromatic_ratio());
             let drawn = exponential(rng);
             let flight = regular_flight(&entry.field(), channels, flown.beta, drawn, rng, tally);
             flown.beta *= flight.weight;
@@ -599,7 +464,7 @@ impl<'a> Overlapping<'a> {
                 let mut walk = TentativeCollisions::with_first(entry.field(), depth);
                 let next = walk.next(rng);
                 let medium = &self.media[index];
-                let relative = medium.relative_extinction();
+                let relative = medium.chromatic_ratio();
                 let weighted = self.methods.weigh_the_way(relative == Vec3::ONE)
                     && !endless(medium, ray, t_max);
                 let mut walker = Walker {
@@ -637,7 +502,7 @@ impl<'a> Overlapping<'a> {
             }
             // No extinction in any channel that is left, now and for all that follows: an endless walk would not end.
             let transparent =
-                probability == 0.0 && matches!(*self.media[walker.medium], Medium::Homogeneous(_));
+                probability == 0.0 && self.media[walker.medium].homogeneous_box().is_some();
             let next = if transparent { None } else { walker.walk.next(rng) };
             walker.meet(next);
         };
@@ -710,7 +575,8 @@ impl Media for Overlapping<'_> {
         let mut hull: Option<(f64, f64)> = None;
         for index in self.index.along(ray, t_max) {
             let medium = &self.media[index as usize];
-            if let Some((t0, t1)) = medium.extent(ray.origin, ray.direction, t_max) {
+            if let Some(span) = medium.span(ray.origin, ray.direction, t_max) {
+                let (t0, t1) = span.extent();
                 hull = Some(hull.map_or((t0, t1), |(a, b)| (a.min(t0), b.max(t1))));
             }
         }

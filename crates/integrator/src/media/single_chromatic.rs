@@ -6,13 +6,13 @@
 //!
 //! Measured against weights over channels (spectral tracking): `docs/charts/whole.md`.
 
-use super::single_grey::{plain_properties, plain_scattering};
+use super::single_grey::{SingleGrid, plain_properties, plain_scattering};
 use super::{Collision, Ending, Flown, Leg, Media, Parted, Ray, Shadow, Structures};
 use glam::{DVec3, Vec3};
 use pileus_media::random::Decision;
 use pileus_media::transmittance::ratio_tracking_with_roulette;
 use pileus_media::{
-    GridMedium, PhaseAt, RayField, Relative, Spectrum, Tally, TentativeCollisions, Voxel,
+    PhaseAt, RayField, Relative, Spectrum, Tally, TentativeCollisions, Voxel,
 };
 use rand_core::Rng;
 use std::marker::PhantomData;
@@ -20,8 +20,7 @@ use std::marker::PhantomData;
 /// One grid medium of extinction per channel with voxels of type `V` and majorant structures `S`.
 pub(crate) struct SingleChromatic<'a, V, S> {
     pub(crate) structures: PhantomData<S>,
-    pub(crate) medium: &'a GridMedium,
-    pub(crate) voxels: &'a [V],
+    pub(crate) one: SingleGrid<'a, V>,
     /// Whether paths and shadow rays are weighted against each other: both then walk the same majorants, those of the strongest channel that began the flight. Else
     /// a flight that the strongest has left goes on with those of the next.
     pub(crate) weighted: bool,
@@ -50,16 +49,16 @@ impl<V: Voxel, S: Structures> Media for SingleChromatic<'_, V, S> {
     ) -> Option<Collision> {
         // Extinction of the channels on their way, over the strongest one's of the grid.
         let mut left = present(flown.beta);
-        let mut relative = self.medium.relative_extinction() * left;
+        let mut relative = self.one.medium.chromatic_ratio() * left;
         let share = relative.max_element();
         // Clear in all of these channels.
         if share <= 0.0 {
             return None;
         }
-        let span = self.medium.span(ray.origin, ray.direction, t_max)?;
+        let span = self.one.grid.span(ray.origin, ray.direction, t_max)?;
         // Over that of the flight.
         relative /= share;
-        let field = S::ray(self.medium, self.voxels, &span, share);
+        let field = S::ray(self.one, &span, share);
         let (mut walk, mut decision) = match first {
             Some([depth, u]) => {
                 let walk = TentativeCollisions::with_first(field, depth);
@@ -125,16 +124,16 @@ impl<V: Voxel, S: Structures> Media for SingleChromatic<'_, V, S> {
         rng: &mut R,
         tally: &mut Tally,
     ) -> Shadow {
-        let relative = self.medium.relative_extinction();
+        let relative = self.one.medium.chromatic_ratio();
         let present = present(beta);
         let share = (relative * present).max_element();
         if share <= 0.0 {
             return Shadow::CLEAR;
         }
-        let Some(span) = self.medium.span(ray.origin, ray.direction, t_max) else {
+        let Some(span) = self.one.grid.span(ray.origin, ray.direction, t_max) else {
             return Shadow::CLEAR;
         };
-        let walk = TentativeCollisions::new(S::ray(self.medium, self.voxels, &span, share));
+        let walk = TentativeCollisions::new(S::ray(self.one, &span, share));
         // Channels that have left are as opaque as the strongest: they do not keep the walk alive.
         let relative = Vec3::select(present.cmpgt(Vec3::ZERO), relative / share, Vec3::ONE);
         let estimate =
@@ -152,11 +151,11 @@ impl<V: Voxel, S: Structures> Media for SingleChromatic<'_, V, S> {
         _: &mut R,
         visit: impl FnMut(Vec3, PhaseAt<'_>),
     ) {
-        plain_scattering(self.medium, p_world, visit);
+        plain_scattering(self.one.medium, p_world, visit);
     }
 
     fn extent(&self, ray: &Ray, t_max: f64) -> Option<(f64, f64)> {
-        self.medium.extent(ray.origin, ray.direction, t_max)
+        self.one.grid.span(ray.origin, ray.direction, t_max).map(|span| span.extent())
     }
 
     #[inline(always)]
@@ -167,6 +166,6 @@ impl<V: Voxel, S: Structures> Media for SingleChromatic<'_, V, S> {
         _: Vec3,
         _: &mut R,
     ) -> (PhaseAt<'_>, Vec3) {
-        plain_properties(self.medium, p_world)
+        plain_properties(self.one.medium, p_world)
     }
 }

@@ -6,7 +6,7 @@ use glam::{DVec3, Vec3};
 use pileus_media::distance::{DistanceSampler, Flight, delta_tracking};
 use pileus_media::transmittance::{Estimator, ratio_tracking_with_roulette};
 use pileus_media::{
-    Adaptive, AnyPartition, Grey, GridMedium, GridRay, Partition, PhaseAt, Span, Tally,
+    AnyRay, ExactField, Grey, GridRay, GridShape, Medium, PhaseAt, Span, Tally,
     TentativeCollisions, Voxel,
 };
 use rand_core::Rng;
@@ -14,30 +14,32 @@ use std::marker::PhantomData;
 
 /// Which majorant structures a kernel is compiled for.
 pub(crate) trait Structures: Sync {
-    /// The partition that rays walk.
-    type Cells<'a>: Partition;
+    /// The ray field of a span.
+    type Ray<'a, V: Voxel>: ExactField;
     /// The ray field of a span, for a share of the extinction.
     fn ray<'a, V: Voxel>(
-        medium: &'a GridMedium,
-        voxels: &'a [V],
+        one: SingleGrid<'a, V>,
         span: &Span,
         share: f32,
-    ) -> GridRay<'a, V, Self::Cells<'a>>;
+    ) -> Self::Ray<'a, V>;
+}
+
+/// A medium of one grid, with its voxels in their type.
+#[derive(Clone, Copy)]
+pub(crate) struct SingleGrid<'a, V> {
+    pub(crate) medium: &'a Medium,
+    pub(crate) grid: &'a GridShape,
+    pub(crate) voxels: &'a [V],
 }
 
 /// The structure that every medium has by default.
 pub(crate) struct DefaultStructure;
 
 impl Structures for DefaultStructure {
-    type Cells<'a> = Adaptive<'a>;
+    type Ray<'a, V: Voxel> = GridRay<'a, V>;
     #[inline(always)]
-    fn ray<'a, V: Voxel>(
-        medium: &'a GridMedium,
-        voxels: &'a [V],
-        span: &Span,
-        share: f32,
-    ) -> GridRay<'a, V, Adaptive<'a>> {
-        medium.ray_of_share(voxels, span, share)
+    fn ray<'a, V: Voxel>(one: SingleGrid<'a, V>, span: &Span, share: f32) -> GridRay<'a, V> {
+        one.grid.ray(one.voxels, span, share)
     }
 }
 
@@ -45,42 +47,36 @@ impl Structures for DefaultStructure {
 pub(crate) struct AnyStructure;
 
 impl Structures for AnyStructure {
-    type Cells<'a> = AnyPartition<'a>;
+    type Ray<'a, V: Voxel> = AnyRay<'a>;
     #[inline(always)]
-    fn ray<'a, V: Voxel>(
-        medium: &'a GridMedium,
-        voxels: &'a [V],
-        span: &Span,
-        share: f32,
-    ) -> GridRay<'a, V, AnyPartition<'a>> {
-        medium.any_structure_ray_of_share(voxels, span, share)
+    fn ray<'a, V: Voxel>(one: SingleGrid<'a, V>, span: &Span, share: f32) -> AnyRay<'a> {
+        one.medium.any_ray(span, share)
     }
 }
 
 /// The phase function and the albedo in the kernels of single grids. The plan gives them no other phase functions than these: none is compiled in.
 #[inline(always)]
-pub(super) fn plain_properties(medium: &GridMedium, p_world: DVec3) -> (PhaseAt<'static>, Vec3) {
+pub(super) fn plain_properties(medium: &Medium, p_world: DVec3) -> (PhaseAt<'static>, Vec3) {
     (medium.phase().plain().unwrap_or(PhaseAt::Isotropic), medium.albedo_at(p_world))
 }
 
 /// As [`Media::scattering`] of a single grid.
 pub(super) fn plain_scattering(
-    medium: &GridMedium,
+    medium: &Medium,
     p_world: DVec3,
     mut visit: impl FnMut(Vec3, PhaseAt<'_>),
 ) {
     let sigma_t = medium.sigma_t_at(p_world) as f32;
     if sigma_t > 0.0 {
         let (phase, albedo) = plain_properties(medium, p_world);
-        visit(albedo * medium.relative_extinction() * sigma_t, phase);
+        visit(albedo * medium.chromatic_ratio() * sigma_t, phase);
     }
 }
 
 /// One grey grid medium with voxels of type `V` and majorant structures `S`.
 pub(crate) struct SingleGrey<'a, V, S> {
     pub(crate) structures: PhantomData<S>,
-    pub(crate) medium: &'a GridMedium,
-    pub(crate) voxels: &'a [V],
+    pub(crate) one: SingleGrid<'a, V>,
     pub(crate) methods: Methods,
 }
 
@@ -94,7 +90,7 @@ impl<V: Voxel, S: Structures> SingleGrey<'_, V, S> {
         rng: &mut R,
         tally: &mut Tally,
     ) -> Shadow {
-        let field = S::ray(self.medium, self.voxels, span, 1.0);
+        let field = S::ray(self.one, span, 1.0);
         let estimator = self.methods.transmittance;
         let transmittance = Vec3::splat(estimator.estimate(field, Grey, threshold, rng, tally));
         let known = self.methods.weigh_the_way(true);
@@ -111,7 +107,7 @@ impl<V: Voxel, S: Structures> SingleGrey<'_, V, S> {
         rng: &mut R,
         tally: &mut Tally,
     ) -> Flight {
-        let field = S::ray(self.medium, self.voxels, span, 1.0);
+        let field = S::ray(self.one, span, 1.0);
         let result = self.methods.distance.fly(field, Grey, 1.0, first, rng, tally);
         flown.beta *= result.weight;
         if self.methods.weigh_the_way(true) {
@@ -136,9 +132,9 @@ impl<V: Voxel, S: Structures> Media for SingleGrey<'_, V, S> {
         tally: &mut Tally,
     ) -> Option<Collision> {
         let first = first.map(|[depth, _]| depth);
-        let span = self.medium.span(ray.origin, ray.direction, t_max)?;
+        let span = self.one.grid.span(ray.origin, ray.direction, t_max)?;
         let flight = if self.methods.distance == DistanceSampler::Delta {
-            let field = S::ray(self.medium, self.voxels, &span, 1.0);
+            let field = S::ray(self.one, &span, 1.0);
             let walk = match first {
                 Some(depth) => TentativeCollisions::with_first(field, depth),
                 None => TentativeCollisions::new(field),
@@ -168,13 +164,13 @@ impl<V: Voxel, S: Structures> Media for SingleGrey<'_, V, S> {
         rng: &mut R,
         tally: &mut Tally,
     ) -> Shadow {
-        let Some(span) = self.medium.span(ray.origin, ray.direction, t_max) else {
+        let Some(span) = self.one.grid.span(ray.origin, ray.direction, t_max) else {
             return Shadow::CLEAR;
         };
         if self.methods.transmittance != Estimator::Ratio {
             return self.other_transmittance(&span, threshold, rng, tally);
         }
-        let walk = TentativeCollisions::new(S::ray(self.medium, self.voxels, &span, 1.0));
+        let walk = TentativeCollisions::new(S::ray(self.one, &span, 1.0));
         let estimate = ratio_tracking_with_roulette(walk, Grey, threshold, rng, tally);
         let known = self.methods.distance.decides_at_collisions();
         Shadow {
@@ -190,11 +186,11 @@ impl<V: Voxel, S: Structures> Media for SingleGrey<'_, V, S> {
         _: &mut R,
         visit: impl FnMut(Vec3, PhaseAt<'_>),
     ) {
-        plain_scattering(self.medium, p_world, visit);
+        plain_scattering(self.one.medium, p_world, visit);
     }
 
     fn extent(&self, ray: &Ray, t_max: f64) -> Option<(f64, f64)> {
-        self.medium.extent(ray.origin, ray.direction, t_max)
+        self.one.grid.span(ray.origin, ray.direction, t_max).map(|span| span.extent())
     }
 
     #[inline(always)]
@@ -205,6 +201,6 @@ impl<V: Voxel, S: Structures> Media for SingleGrey<'_, V, S> {
         _: Vec3,
         _: &mut R,
     ) -> (PhaseAt<'_>, Vec3) {
-        plain_properties(self.medium, p_world)
+        plain_properties(self.one.medium, p_world)
     }
 }

@@ -37,7 +37,7 @@ fn passage(law: &Law, start: Start, medium: usize) -> Passage<'_> {
 
 /// Whether a medium's flights and shadow rays run on a drawn rate: homogeneous media have closed forms.
 fn runs_on_rates(medium: &Medium, law: &Law) -> bool {
-    matches!(medium, Medium::Grid(_)) && law.is_mixture_of_exponentials()
+    medium.grid().is_some() && law.is_mixture_of_exponentials()
 }
 
 impl UnderLaw<'_> {
@@ -51,9 +51,9 @@ impl UnderLaw<'_> {
         tally: &mut Tally,
     ) -> WeightedFlight<Vec3> {
         let (number, medium) = (medium, &self.plain.media[medium]);
-        let channels = Relative(medium.relative_extinction());
+        let channels = Relative(medium.chromatic_ratio());
         let sampler = self.plain.methods.distance;
-        let Some(law) = medium.law() else {
+        let Some(law) = medium.transmittance_function() else {
             if long {
                 let drawn = first.unwrap_or_else(|| exponential(rng));
                 return regular_flight(&entry.field(), channels, beta, drawn, rng, tally);
@@ -80,7 +80,7 @@ impl UnderLaw<'_> {
         rng: &mut R,
         tally: &mut Tally,
     ) -> Vec3 {
-        let channels = Relative(medium.relative_extinction());
+        let channels = Relative(medium.chromatic_ratio());
         let estimator = self.plain.methods.transmittance;
         if estimator == Estimator::DebiasedRayMarching {
             return debiased_under_law(field, passage, channels, self.telescope, rng, tally);
@@ -152,7 +152,7 @@ impl Media for UnderLaw<'_> {
         for index in self.plain.index.along(ray, t_max) {
             let index = index as usize;
             let medium = &*self.plain.media[index];
-            let part = match medium.law() {
+            let part = match medium.transmittance_function() {
                 Some(law) => Entry::new(medium, ray, t_max).map(|entry| {
                     let own = (medium, entry.field(), passage(law, start, index));
                     self.shadow(own, threshold, rng, tally)
@@ -180,7 +180,7 @@ impl Media for UnderLaw<'_> {
         visit: impl FnMut(Vec3, PhaseAt<'_>),
     ) {
         let per_path =
-            |medium: &Medium| medium.law().map_or(1.0, |law| 1.0 / law.mean_free_path() as f32);
+            |medium: &Medium| medium.transmittance_function().map_or(1.0, |law| 1.0 / law.mean_free_path() as f32);
         self.plain.scattering_times(per_path, (p_world, incoming), rng, visit);
     }
 

@@ -5,7 +5,7 @@ use super::ramp::ColorRamp;
 use crate::Error;
 use crate::grid::VoxelGrid;
 use crate::index_map::{box_over, snapped};
-use crate::medium::{Albedo, check_albedo};
+use crate::medium::Albedo;
 use glam::{DAffine3, DVec3, Vec3};
 use std::sync::Arc;
 
@@ -95,9 +95,7 @@ impl EmissionSource {
             ..
         } = &mut self
         {
-            if let Albedo::Constant(albedo) = albedo {
-                check_albedo(albedo)?;
-            }
+            albedo.check()?;
             let finite = kelvin_per_unit.is_finite() && kelvin_offset.is_finite();
             if !(finite && *kelvin_per_unit >= 0.0) {
                 return Err(Error::invalid(
