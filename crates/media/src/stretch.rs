@@ -74,9 +74,7 @@ impl Stretch {
         tally: &mut Tally,
     ) -> C::Value {
         let point = self.at_depth(depth);
-        let sigma_t = field.sigma_t_anywhere(point.t);
-        tally.lookups += 1;
-        tally.violations += u64::from(sigma_t > point.majorant);
+        let sigma_t = tally.looked_up(field.sigma_t_anywhere(point.t), point.majorant);
         channels.of(sigma_t / point.majorant)
     }
 

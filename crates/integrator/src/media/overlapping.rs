@@ -484,9 +484,7 @@ impl<'a> Overlapping<'a> {
             let Some((walker, next)) = walker.and_then(|w| w.next.map(|next| (w, next))) else {
                 break None;
             };
-            let sigma_t = walker.walk.sigma_t(next);
-            tally.lookups += 1;
-            tally.violations += u64::from(sigma_t > next.majorant);
+            let sigma_t = walker.walk.sigma_t(next, tally);
             let real = walker.relative * (sigma_t / next.majorant);
             let weights = if by_throughput { flown.beta } else { Vec3::ONE };
             let probability = real_probability(real, weights);

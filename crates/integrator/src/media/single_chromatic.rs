@@ -78,9 +78,7 @@ impl<V: Voxel, S: Structures> Media for SingleChromatic<'_, V, S> {
         };
         let mut nulls = Vec3::ONE;
         while let Some(tentative) = walk.next_of_share(inverse, rng) {
-            let sigma_t = walk.sigma_t(tentative);
-            tally.lookups += 1;
-            tally.violations += u64::from(sigma_t > tentative.majorant);
+            let sigma_t = walk.sigma_t(tentative, tally);
             let real = relative * (inverse * (sigma_t / tentative.majorant));
             let mut u = decision.take().unwrap_or_else(|| Decision::new(rng));
             let collide = u.is_below_each(real, rng);

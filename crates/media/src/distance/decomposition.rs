@@ -38,9 +38,7 @@ pub fn decomposition_tracking<F: RayField, C: Channels, R: Rng + ?Sized>(
             weight = weight.times(control * (1.0 / p_control));
             break Flight::Collision(tentative.t);
         }
-        let sigma_t = walk.sigma_t(tentative);
-        tally.lookups += 1;
-        tally.violations += u64::from(sigma_t > tentative.majorant);
+        let sigma_t = walk.sigma_t(tentative, tally);
         let real = channels.of(sigma_t / tentative.majorant);
         let residual = (real - control).map(|r| r.max(0.0));
         let p_residual = real_probability(residual, throughput).min(1.0 - p_control);

@@ -26,9 +26,7 @@ pub fn delta_tracking<F: RayField, R: Rng + ?Sized>(
         let Some(tentative) = walk.next(rng) else {
             break Flight::Escape;
         };
-        let sigma_t = walk.sigma_t(tentative);
-        tally.lookups += 1;
-        tally.violations += u64::from(sigma_t > tentative.majorant);
+        let sigma_t = walk.sigma_t(tentative, tally);
         if happens_of(sigma_t, tentative.majorant, rng) {
             tally.collisions += 1;
             break Flight::Collision(tentative.t);

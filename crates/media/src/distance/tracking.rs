@@ -25,9 +25,7 @@ pub(super) fn track<F: RayField, C: Channels, R: Rng + ?Sized>(
         let Some(tentative) = walk.next(rng) else {
             break Flight::Escape;
         };
-        let sigma_t = walk.sigma_t(tentative);
-        tally.lookups += 1;
-        tally.violations += u64::from(sigma_t > tentative.majorant);
+        let sigma_t = walk.sigma_t(tentative, tally);
         let real = channels.of(sigma_t / tentative.majorant);
         let p = probability(real, beta.times(weight));
         if happens(p, rng) {

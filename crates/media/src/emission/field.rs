@@ -145,9 +145,9 @@ impl EmissionField {
                 // Inside the cell whatever rounding says, so that its bound holds.
                 let p_index = ray.local_in_cell(t as f32) + local_to_index;
                 let emission = self.source.at(p_index);
-                tally.lookups += 1;
-                let most = self.bounds.rate_factor() * emission.max_element();
-                tally.violations += u64::from(most > segment.majorant * (1.0 + 1e-6));
+                // Bounds and values are scaled apart from each other, and rounded.
+                let bound = segment.majorant * (1.0 + 1e-6);
+                tally.looked_up(self.bounds.rate_factor() * emission.max_element(), bound);
                 let t = ray.distance(t) + span.t_enter;
                 visit(EmissionPoint {
                     t,

@@ -170,9 +170,7 @@ impl PhaseAt<'_> {
         match *self {
             PhaseAt::Isotropic => ISOTROPIC,
             PhaseAt::HenyeyGreenstein { g } => {
-                let cos_theta = incoming.dot(wi);
-                let one_minus = (1.0 - cos_theta.copysign(cos_theta * g)).max(0.0);
-                henyey_greenstein::value(g.abs(), one_minus)
+                henyey_greenstein::eval_directions(g, incoming, wi)
             }
             other => eval_other(other, incoming, wi),
         }
@@ -183,15 +181,7 @@ impl PhaseAt<'_> {
     pub fn sample(&self, incoming: Vec3, u: [f32; 2]) -> (Vec3, f32) {
         let (cos_theta, sin_theta, pdf) = match *self {
             PhaseAt::Isotropic => (1.0 - 2.0 * u[0], 2.0 * (u[0] * (1.0 - u[0])).sqrt(), ISOTROPIC),
-            PhaseAt::HenyeyGreenstein { g } => {
-                let one_minus = henyey_greenstein::one_minus_cos(g.abs(), u[0]);
-                let sin = (one_minus * (2.0 - one_minus)).sqrt();
-                (
-                    (1.0 - one_minus).copysign((1.0 - one_minus) * g),
-                    sin,
-                    henyey_greenstein::value(g.abs(), one_minus),
-                )
-            }
+            PhaseAt::HenyeyGreenstein { g } => henyey_greenstein::sample_with_value(g, u[0]),
             other => return sample_other(other, incoming, u),
         };
         (around(incoming, (cos_theta, sin_theta), u[1]), pdf)

@@ -18,9 +18,7 @@ pub fn delta_transmittance<F: RayField, C: Channels, R: Rng + ?Sized>(
 ) -> C::Value {
     let mut open = C::Value::ONE;
     while let Some(next) = walk.next(rng) {
-        let sigma_t = walk.sigma_t(next);
-        tally.lookups += 1;
-        tally.violations += u64::from(sigma_t > next.majorant);
+        let sigma_t = walk.sigma_t(next, tally);
         let ratio = channels.of(sigma_t / next.majorant);
         let mut u = Decision::new(rng);
         for channel in 0..C::Value::COUNT {

@@ -25,9 +25,7 @@ pub fn next_flight<F: RayField, C: Channels, R: Rng + ?Sized>(
         match walk.next_with_depth(rng) {
             Ok((next, depth)) => {
                 sum = sum.times(C::Value::splat(-depth).exp());
-                let sigma_t = walk.sigma_t(next);
-                tally.lookups += 1;
-                tally.violations += u64::from(sigma_t > next.majorant);
+                let sigma_t = walk.sigma_t(next, tally);
                 weight = weight.times(channels.of(sigma_t / next.majorant).complement(rng));
                 if weight.max_abs() == 0.0 {
                     sum = sum.times(C::Value::splat(-walk.depth_to_end()).exp());

@@ -42,9 +42,7 @@ pub fn ratio_tracking_with_roulette<F: RayField, C: Channels, R: Rng + ?Sized>(
     let (mut transmittance, mut null_probability) = (C::Value::ONE, C::Value::ONE);
     let small = threshold.max(f32::MIN_POSITIVE);
     while let Some(tentative) = walk.next(rng) {
-        let sigma_t = walk.sigma_t(tentative);
-        tally.lookups += 1;
-        tally.violations += u64::from(sigma_t > tentative.majorant);
+        let sigma_t = walk.sigma_t(tentative, tally);
         let ratio = channels.of(sigma_t / tentative.majorant);
         // What weights are made of is rounded as flights round it.
         null_probability = null_probability.times(C::Value::ONE - ratio);
