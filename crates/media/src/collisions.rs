@@ -1,7 +1,7 @@
 //! Tentative collisions: the Poisson process of a field's majorants, from which every null-collision method is made.
 
 use crate::field::{MajorantSegment, RayField};
-use crate::random::exponential;
+use pileus_math::random::exponential;
 use crate::tally::Tally;
 use rand_core::Rng;
 

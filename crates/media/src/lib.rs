@@ -6,7 +6,6 @@ mod clamped;
 mod collisions;
 mod color;
 pub mod distance;
-pub mod elementary;
 mod emission;
 mod error;
 mod field;
@@ -17,13 +16,12 @@ pub mod law;
 mod majorant;
 mod medium;
 pub mod phase;
-pub mod random;
 mod scaled;
 mod stretch;
 mod tally;
 pub mod transmittance;
 
-pub use channels::{Channels, Grey, Relative, Spectrum};
+pub use channels::{Channels, Grey, Relative};
 pub use clamped::Clamped;
 pub use collisions::{Tentative, TentativeCollisions};
 pub use color::ColorGrid;
@@ -43,6 +41,7 @@ pub use medium::{
     Albedo, AnyGridRay, AnyRay, BoxShape, FieldKernel, GridShape, HomogeneousRay, Medium, Optics,
     Shape, Span, VoxelKernel,
 };
+pub use pileus_math::{Bounds3, Spectrum, random};
 pub use phase::{Phase, PhaseAt};
 pub use scaled::Scaled;
 pub use tally::Tally;

@@ -3,9 +3,10 @@
 //! Transmittances of consecutive stretches multiply, and independent estimates of them as well. Where the cuts lie must not depend on
 //! random numbers. A limit on the majorant depth of a stretch keeps power series within single precision.
 
-use crate::channels::{Channels, Spectrum};
+use crate::channels::Channels;
+use pileus_math::Spectrum;
 use crate::field::{MajorantSegment, RayField};
-use crate::random::happens;
+use pileus_math::random::happens;
 use crate::tally::Tally;
 use rand_core::Rng;
 use smallvec::SmallVec;

@@ -2,10 +2,11 @@
 
 use super::spectral::real_probability;
 use super::{Flight, WeightedFlight};
-use crate::channels::{Channels, Spectrum};
+use crate::channels::Channels;
+use pileus_math::Spectrum;
 use crate::collisions::TentativeCollisions;
 use crate::field::RayField;
-use crate::random::Decision;
+use pileus_math::random::Decision;
 use crate::tally::Tally;
 use rand_core::Rng;
 

@@ -3,10 +3,11 @@
 use super::spectral::real_probability;
 use super::tracking::track;
 use super::{Flight, WeightedFlight};
-use crate::channels::{Channels, Spectrum};
+use crate::channels::Channels;
+use pileus_math::Spectrum;
 use crate::collisions::TentativeCollisions;
 use crate::field::RayField;
-use crate::random::happens_of;
+use pileus_math::random::happens_of;
 use crate::tally::Tally;
 use rand_core::Rng;
 

@@ -1,8 +1,9 @@
 //! Flights by optical depth: an exponential depth is drawn and inverted. Shared by the samplers that can invert it.
 
 use super::{Flight, WeightedFlight};
-use crate::channels::{Channels, Spectrum};
-use crate::random::Decision;
+use crate::channels::Channels;
+use pileus_math::Spectrum;
+use pileus_math::random::Decision;
 use crate::tally::Tally;
 use rand_core::Rng;
 

@@ -4,7 +4,7 @@ use super::WeightedFlight;
 use super::depth::fly_by_depth;
 use crate::channels::Channels;
 use crate::field::RayField;
-use crate::random::uniform;
+use pileus_math::random::uniform;
 use crate::stretch::Stretch;
 use crate::tally::Tally;
 use rand_core::Rng;

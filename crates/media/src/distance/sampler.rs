@@ -10,7 +10,7 @@ use super::weighted_delta::weighted_delta_tracking;
 use crate::channels::Channels;
 use crate::collisions::TentativeCollisions;
 use crate::field::ExactField;
-use crate::random::exponential;
+use pileus_math::random::exponential;
 use crate::tally::Tally;
 use rand_core::Rng;
 

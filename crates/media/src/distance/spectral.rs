@@ -2,7 +2,8 @@
 
 use super::WeightedFlight;
 use super::tracking::track;
-use crate::channels::{Channels, Spectrum};
+use crate::channels::Channels;
+use pileus_math::Spectrum;
 use crate::collisions::TentativeCollisions;
 use crate::field::RayField;
 use crate::tally::Tally;

@@ -1,10 +1,11 @@
 //! The walk that all trackers share which look up the extinction at every tentative collision; they differ in how they decide.
 
 use super::{Flight, WeightedFlight};
-use crate::channels::{Channels, Spectrum};
+use crate::channels::Channels;
+use pileus_math::Spectrum;
 use crate::collisions::TentativeCollisions;
 use crate::field::RayField;
-use crate::random::happens;
+use pileus_math::random::happens;
 use crate::tally::Tally;
 use rand_core::Rng;
 

@@ -2,7 +2,8 @@
 
 use super::depth::choose_channel;
 use super::{Flight, WeightedFlight};
-use crate::channels::{Channels, Spectrum};
+use crate::channels::Channels;
+use pileus_math::Spectrum;
 use crate::field::ExactField;
 use crate::law::Passage;
 use crate::tally::Tally;

@@ -3,7 +3,8 @@
 use super::WeightedFlight;
 use super::spectral::real_probability;
 use super::tracking::track;
-use crate::channels::{Channels, Spectrum};
+use crate::channels::Channels;
+use pileus_math::Spectrum;
 use crate::collisions::TentativeCollisions;
 use crate::field::RayField;
 use crate::tally::Tally;

@@ -5,6 +5,7 @@ use crate::grid::VoxelGrid;
 use crate::majorant::{Adaptive, AnyPartition, Partition};
 use crate::medium::{AnyGridRay, PlacedGrid, Span};
 use glam::{DAffine3, DVec3, Vec3};
+use pileus_math::Bounds3;
 use std::sync::Arc;
 
 /// A grid of bounds placed in the world. Points of line integrals are spread by a *rate*, the bound
@@ -65,7 +66,7 @@ impl EmissionBounds {
     /// The rate at a point in the world, 1/length.
     pub(super) fn rate_at(&self, p_world: DVec3) -> f32 {
         let p = self.placed.to_local(p_world);
-        let [low, high] = self.placed.support();
+        let Bounds3 { low, high } = self.placed.support();
         if !(p.cmpge(low).all() && p.cmplt(high).all()) {
             return 0.0;
         }
@@ -78,7 +79,7 @@ impl EmissionBounds {
     }
 
     /// The box in the world that holds all emission; `None` if nothing emits.
-    pub(super) fn bounds_world(&self) -> Option<(DVec3, DVec3)> {
+    pub(super) fn bounds_world(&self) -> Option<Bounds3> {
         self.placed.bounds_world()
     }
 }

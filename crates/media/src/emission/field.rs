@@ -8,6 +8,7 @@ use crate::Error;
 use crate::field::RayField;
 use crate::tally::Tally;
 use glam::{DAffine3, DVec3, Vec3};
+use pileus_math::Bounds3;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -181,7 +182,7 @@ impl EmissionField {
     }
 
     /// The box in the world that holds all emission; `None` if nothing emits.
-    pub fn bounds_world(&self) -> Option<(DVec3, DVec3)> {
+    pub fn bounds_world(&self) -> Option<Bounds3> {
         if self.lattice.is_empty() { None } else { self.bounds.bounds_world() }
     }
 
@@ -205,7 +206,7 @@ mod tests {
     use crate::Albedo;
     use crate::color::ColorGrid;
     use crate::grid::{Interpolation, VoxelGrid, VoxelGridOptions};
-    use crate::random::uniform;
+    use pileus_math::random::uniform;
     use glam::DQuat;
     use pileus_vdb::{Tile, Tree};
     use proptest::prelude::*;
@@ -290,7 +291,7 @@ mod tests {
             let field = EmissionField::new(source(kind, seed, to), turned(angle, scale)).unwrap();
             let mut rng = Pcg32::new(seed, 2);
             let directions = EmissionDirections::new(&field, |_| 1.0);
-            if let (Some((low, high)), Some(directions)) = (field.bounds_world(), directions) {
+            if let (Some(Bounds3 { low, high }), Some(directions)) = (field.bounds_world(), directions) {
                 let eye = high + (high - low) * DVec3::new(0.3, 2.0, -0.4);
                 let view = directions.view(eye);
                 for _ in 0..2000 {

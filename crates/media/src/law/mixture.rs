@@ -3,7 +3,7 @@
 use super::invert::depth_of;
 use super::{Law, Start};
 use crate::Error;
-use crate::random::Decision;
+use pileus_math::random::Decision;
 use libm::exp;
 use rand_core::Rng;
 use std::fmt;

@@ -5,6 +5,7 @@ use crate::Error;
 use crate::grid::{Voxel, VoxelGrid, Voxels};
 use crate::majorant::{Adaptive, GridRay, MajorantStructure, Majorants};
 use glam::{DAffine3, DVec3, Vec3};
+use pileus_math::Bounds3;
 use std::sync::Arc;
 
 /// Extinction from a grid placed in the world, with the bounds that rays walk through. Cheap to
@@ -136,7 +137,7 @@ impl GridShape {
     }
 
     /// The box in the world that holds all extinction; `None` if there is none.
-    pub fn bounds_world(&self) -> Option<(DVec3, DVec3)> {
+    pub fn bounds_world(&self) -> Option<Bounds3> {
         self.placed.bounds_world()
     }
 

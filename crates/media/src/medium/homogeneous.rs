@@ -6,12 +6,13 @@ use crate::field::{ExactField, MajorantSegment, RayField};
 use crate::majorant::Line;
 use crate::tally::Tally;
 use glam::{DVec3, Vec3};
+use pileus_math::Bounds3;
 
 /// Constant extinction in an axis-aligned box of the world, or in all space.
 #[derive(Debug, Clone)]
 pub struct BoxShape {
     sigma_t: f32,
-    bounds: Option<(DVec3, DVec3)>,
+    bounds: Option<Bounds3>,
 }
 
 impl BoxShape {
@@ -19,7 +20,7 @@ impl BoxShape {
     /// If the extinction is out of range, or the box is empty or not finite.
     pub(super) fn new(
         sigma_t: f32,
-        bounds: Option<(DVec3, DVec3)>,
+        bounds: Option<Bounds3>,
     ) -> Result<BoxShape, Error> {
         if !(0.0..1e30).contains(&sigma_t) {
             return Err(Error::invalid(
@@ -27,7 +28,7 @@ impl BoxShape {
                 "give numbers from 0 to 1e30",
             ));
         }
-        if let Some((low, high)) = bounds
+        if let Some(Bounds3 { low, high }) = bounds
             && !(low.is_finite() && high.is_finite() && low.cmplt(high).all())
         {
             return Err(Error::invalid(
@@ -46,17 +47,15 @@ impl BoxShape {
 
     /// The box, `None` if the medium fills all space.
     #[inline(always)]
-    pub fn bounds_world(&self) -> Option<(DVec3, DVec3)> {
+    pub fn bounds_world(&self) -> Option<Bounds3> {
         self.bounds
     }
 
     pub(super) fn sigma_t_at(&self, p_world: DVec3) -> f64 {
-        let inside =
-            |(low, high): (DVec3, DVec3)| low.cmple(p_world).all() && high.cmpge(p_world).all();
-        if self.bounds.is_none_or(inside) { f64::from(self.sigma_t) } else { 0.0 }
+        if self.bounds.is_none_or(|bounds| bounds.contains(p_world)) { f64::from(self.sigma_t) } else { 0.0 }
     }
 
-    /// Clips the ray `origin + t direction`, t in [t_min, t_max], to the box.
+    /// Where the ray `origin + t direction`, t in [t_min, t_max], is inside.
     pub(crate) fn clip(
         &self,
         origin: DVec3,
@@ -64,22 +63,10 @@ impl BoxShape {
         t_min: f64,
         t_max: f64,
     ) -> Option<(f64, f64)> {
-        let (mut t0, mut t1) = (t_min, t_max);
-        if let Some((low, high)) = self.bounds {
-            for axis in 0..3 {
-                let d = direction[axis];
-                if d == 0.0 {
-                    if origin[axis] < low[axis] || origin[axis] > high[axis] {
-                        return None;
-                    }
-                    continue;
-                }
-                let (a, b) = ((low[axis] - origin[axis]) / d, (high[axis] - origin[axis]) / d);
-                t0 = t0.max(a.min(b));
-                t1 = t1.min(a.max(b));
-            }
+        match self.bounds {
+            Some(bounds) => bounds.clip(origin, direction, t_min, t_max),
+            None => (t_min < t_max).then_some((t_min, t_max)),
         }
-        (t0 < t1).then_some((t0, t1))
     }
 
     /// The part of the ray `origin + t direction`, t in [0, t_max], that is inside; it may end at

@@ -22,6 +22,7 @@ use crate::law::Law;
 use crate::majorant::MajorantStructure;
 use crate::phase::{Phase, PhaseAt};
 use glam::{DAffine3, DVec3, Vec3};
+use pileus_math::Bounds3;
 use rand_core::Rng;
 use std::sync::Arc;
 
@@ -77,7 +78,7 @@ impl Medium {
     /// if the box is empty or not finite, or if the phase function comes from a grid.
     pub fn homogeneous(
         sigma_t: [f32; 3],
-        bounds: Option<(DVec3, DVec3)>,
+        bounds: Option<Bounds3>,
         albedo: [f32; 3],
         phase: Phase,
     ) -> Result<Medium, Error> {
@@ -182,7 +183,7 @@ impl Medium {
 
     /// The box in the world that holds all extinction; `None` if there is none or if it fills all
     /// space.
-    pub fn bounds_world(&self) -> Option<(DVec3, DVec3)> {
+    pub fn bounds_world(&self) -> Option<Bounds3> {
         match &self.shape {
             Shape::Grid(grid) => grid.bounds_world(),
             Shape::Box(shape) => shape.bounds_world(),

@@ -5,6 +5,7 @@ use crate::Error;
 use crate::grid::{Voxel, VoxelGrid, Voxels};
 use crate::majorant::{AnyPartition, GridRay, Line, Lowest, Partition, WideRay, distance};
 use glam::{DAffine3, DVec3, Vec3};
+use pileus_math::Bounds3;
 use std::sync::Arc;
 
 /// A grid with its place in the world.
@@ -57,7 +58,7 @@ impl PlacedGrid {
 
     /// Edge of a voxel in the world; the geometric mean where edges differ.
     pub(crate) fn voxel_length(&self) -> f32 {
-        self.local_to_world.matrix3.determinant().abs().cbrt() as f32
+        libm::cbrt(self.local_to_world.matrix3.determinant().abs()) as f32
     }
 
     #[inline(always)]
@@ -75,53 +76,15 @@ impl PlacedGrid {
     }
 
     /// The box of local coordinates outside which the field is the background.
-    pub(crate) fn support(&self) -> [DVec3; 2] {
-        self.grid.support.map(|corner| DVec3::from_array(corner.map(f64::from)))
+    #[inline(always)]
+    pub(crate) fn support(&self) -> Bounds3 {
+        let [low, high] = self.grid.support.map(|corner| DVec3::from_array(corner.map(f64::from)));
+        Bounds3::new(low, high)
     }
 
     /// The box in the world that holds the support; `None` if it is empty.
-    pub(crate) fn bounds_world(&self) -> Option<(DVec3, DVec3)> {
-        if self.grid.is_empty() {
-            return None;
-        }
-        let [low, high] = self.support();
-        let corners = (0..8).map(|corner| {
-            let pick = |axis: usize| if corner >> axis & 1 == 1 { high[axis] } else { low[axis] };
-            self.local_to_world.transform_point3(DVec3::new(pick(0), pick(1), pick(2)))
-        });
-        let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-        for corner in corners {
-            min = min.min(corner);
-            max = max.max(corner);
-        }
-        Some((min, max))
-    }
-
-    /// Clips the local ray `o + t d` to the support.
-    #[inline(always)]
-    pub(crate) fn clip_local(
-        &self,
-        o: DVec3,
-        d: DVec3,
-        t_min: f64,
-        t_max: f64,
-    ) -> Option<(f64, f64)> {
-        let [low, high] = self.support();
-        let (mut t0, mut t1) = (t_min, t_max);
-        for axis in 0..3 {
-            if d[axis] == 0.0 {
-                if o[axis] < low[axis] || o[axis] > high[axis] {
-                    return None;
-                }
-                continue;
-            }
-            let inv = 1.0 / d[axis];
-            let (a, b) = ((low[axis] - o[axis]) * inv, (high[axis] - o[axis]) * inv);
-            t0 = t0.max(a.min(b));
-            t1 = t1.min(a.max(b));
-        }
-        // Also false for NaN.
-        (t0 < t1).then_some((t0, t1))
+    pub(crate) fn bounds_world(&self) -> Option<Bounds3> {
+        (!self.grid.is_empty()).then(|| self.support().moved(&self.local_to_world))
     }
 
     /// The part of the ray `origin + t direction`, t in [0, t_max], inside the support; `direction`
@@ -135,7 +98,7 @@ impl PlacedGrid {
         if !(d.length_squared() > 0.0) {
             return None;
         }
-        let (t0, t1) = self.clip_local(o, d, 0.0, t_max)?;
+        let (t0, t1) = self.support().clip(o, d, 0.0, t_max)?;
         let line = Line { p: o + d * t0, d, length: t1 - t0 };
         Some(Span { t_enter: t0, length: line.length as f32, direction, line })
     }

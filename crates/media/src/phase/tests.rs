@@ -1,5 +1,5 @@
 use super::*;
-use crate::random::uniform;
+use pileus_math::random::uniform;
 use glam::DAffine3;
 use pileus_vdb::Tree;
 use rand_pcg::Pcg32;
@@ -327,15 +327,4 @@ fn the_mean_cosine_comes_from_the_grid() {
     let broken = tree.map(|v| if v == 1.0 { f32::NAN } else { v });
     let grid = CosineGrid::new(&broken, 1.0, 0.25, DAffine3::IDENTITY).unwrap();
     assert!((grid.at_index(DVec3::X) - 0.25).abs() < 1e-6);
-}
-
-#[test]
-fn basis_is_orthonormal() {
-    let mut rng = Pcg32::new(3, 3);
-    for _ in 0..10_000 {
-        let n = PhaseAt::Isotropic.sample(Vec3::Z, [uniform(&mut rng), uniform(&mut rng)]).0;
-        let (x, y) = basis(n);
-        assert!((x.cross(y) - n).length() < 1e-5);
-        assert!(x.dot(y).abs() < 1e-6 && (x.length() - 1.0).abs() < 1e-5);
-    }
 }

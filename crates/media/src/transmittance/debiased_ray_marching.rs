@@ -1,10 +1,11 @@
 //! Ray marching debiased by a telescoping series [Misso et al. 2022; Rhee and Glynn 2015].
 
 use super::comb::comb;
-use crate::channels::{Channels, Spectrum};
-use crate::elementary::exp;
+use crate::channels::Channels;
+use pileus_math::Spectrum;
+use pileus_math::elementary::exp;
 use crate::field::RayField;
-use crate::random::uniform;
+use pileus_math::random::uniform;
 use crate::stretch::product_over_stretches;
 use crate::tally::Tally;
 use rand_core::Rng;

@@ -1,9 +1,10 @@
 //! Transmittance by delta tracking [Woodcock 1965]: whether a free flight gets through.
 
-use crate::channels::{Channels, Spectrum};
+use crate::channels::Channels;
+use pileus_math::Spectrum;
 use crate::collisions::TentativeCollisions;
 use crate::field::RayField;
-use crate::random::Decision;
+use pileus_math::random::Decision;
 use crate::tally::Tally;
 use rand_core::Rng;
 

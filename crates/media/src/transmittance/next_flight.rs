@@ -1,6 +1,7 @@
 //! The next-flight estimator [Cramer 1978]: at every vertex, the probability of reaching the end directly.
 
-use crate::channels::{Channels, Spectrum};
+use crate::channels::Channels;
+use pileus_math::Spectrum;
 use crate::collisions::TentativeCollisions;
 use crate::field::RayField;
 use crate::tally::Tally;

@@ -1,9 +1,10 @@
 //! Power series about the majorant [Georgiev et al. 2019], with two laws of the order.
 
-use crate::channels::{Channels, Spectrum};
-use crate::elementary::exp;
+use crate::channels::Channels;
+use pileus_math::Spectrum;
+use pileus_math::elementary::exp;
 use crate::field::RayField;
-use crate::random::{happens, uniform};
+use pileus_math::random::{happens, uniform};
 use crate::stretch::{Stretch, product_over_stretches};
 use crate::tally::Tally;
 use rand_core::Rng;

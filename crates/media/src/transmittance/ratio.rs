@@ -1,9 +1,10 @@
 //! Ratio tracking [Novak et al. 2014]: the product of null probabilities along the majorants' Poisson process.
 
-use crate::channels::{Channels, Grey, Spectrum};
+use crate::channels::{Channels, Grey};
+use pileus_math::Spectrum;
 use crate::collisions::TentativeCollisions;
 use crate::field::RayField;
-use crate::random::happens;
+use pileus_math::random::happens;
 use crate::tally::Tally;
 use rand_core::Rng;
 

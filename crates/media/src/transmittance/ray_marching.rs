@@ -1,9 +1,10 @@
 //! Plain ray marching: biased.
 
 use super::comb::comb;
-use crate::channels::{Channels, Spectrum};
+use crate::channels::Channels;
+use pileus_math::Spectrum;
 use crate::field::RayField;
-use crate::random::uniform;
+use pileus_math::random::uniform;
 use crate::stretch::product_over_stretches;
 use crate::tally::Tally;
 use rand_core::Rng;

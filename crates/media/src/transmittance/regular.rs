@@ -45,7 +45,7 @@ fn grid_depth(
 ) -> f64 {
     let placed = grid.placed();
     let (o, d) = (placed.to_local(origin), placed.vector_to_local(direction));
-    let Some((t0, t1)) = placed.clip_local(o, d, t_min, t_max) else {
+    let Some((t0, t1)) = placed.support().clip(o, d, t_min, t_max) else {
         return 0.0;
     };
     struct Depth<'a> {

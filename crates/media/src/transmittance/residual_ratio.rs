@@ -1,8 +1,9 @@
 //! Residual ratio tracking [Novak et al. 2014]: a control of known depth, and ratio tracking of what it leaves.
 
-use crate::channels::{Channels, Spectrum};
+use crate::channels::Channels;
+use pileus_math::Spectrum;
 use crate::field::RayField;
-use crate::random::{exponential, happens};
+use pileus_math::random::{exponential, happens};
 use crate::tally::Tally;
 use rand_core::Rng;
 

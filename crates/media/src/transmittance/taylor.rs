@@ -1,9 +1,10 @@
 //! The Taylor series of `exp(-tau)` about zero, each power of the depth from independent samples.
 
-use crate::channels::{Channels, Spectrum};
-use crate::elementary::exp;
+use crate::channels::Channels;
+use pileus_math::Spectrum;
+use pileus_math::elementary::exp;
 use crate::field::RayField;
-use crate::random::{exponential, happens, uniform};
+use pileus_math::random::{exponential, happens, uniform};
 use crate::stretch::product_over_stretches;
 use crate::tally::Tally;
 use rand_core::Rng;

@@ -1,10 +1,11 @@
 //! Unbiased ray marching [Kettunen et al. 2021]: combs, a pivot, and rare higher orders as symmetric means.
 
 use super::comb::comb;
-use crate::channels::{Channels, Spectrum};
-use crate::elementary::{exp, ln};
+use crate::channels::Channels;
+use pileus_math::Spectrum;
+use pileus_math::elementary::{exp, ln};
 use crate::field::RayField;
-use crate::random::uniform;
+use pileus_math::random::uniform;
 use crate::stretch::product_over_stretches;
 use crate::tally::Tally;
 use rand_core::Rng;

@@ -5,10 +5,11 @@
 
 use super::comb::comb;
 use super::debiased_ray_marching::{DEBIASED_TEETH, DEEPER};
-use crate::channels::{Channels, Spectrum};
+use crate::channels::Channels;
+use pileus_math::Spectrum;
 use crate::field::{ExactField, RayField};
 use crate::law::Passage;
-use crate::random::uniform;
+use pileus_math::random::uniform;
 use crate::stretch::Stretch;
 use crate::tally::Tally;
 use libm::exp;

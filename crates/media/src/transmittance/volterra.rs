@@ -1,8 +1,9 @@
 //! The Volterra recursion without null collisions [Georgiev et al. 2019].
 
-use crate::channels::{Channels, Spectrum};
+use crate::channels::Channels;
+use pileus_math::Spectrum;
 use crate::field::RayField;
-use crate::random::{happens, uniform};
+use pileus_math::random::{happens, uniform};
 use crate::stretch::product_over_stretches;
 use crate::tally::Tally;
 use rand_core::Rng;
