@@ -5,8 +5,8 @@ use glam::{DAffine3, DVec3, Vec3};
 use pileus_film::{Film, Filter, Image};
 use pileus_integrator::{Counters, RenderSettings, Renderer, Unmonitored};
 use pileus_media::{
-    Albedo, EmissionField, EmissionSource, ExactField, GridMedium, HomogeneousMedium,
-    Interpolation, Medium, Phase, Tally, VoxelGrid, VoxelGridOptions, law,
+    Albedo, Bounds3, EmissionField, EmissionSource, ExactField, Interpolation, Medium, Phase,
+    Tally, VoxelGrid, VoxelGridOptions, law,
 };
 use pileus_scene::volume::DefaultScale;
 use pileus_scene::{
@@ -44,8 +44,8 @@ pub fn grid_medium(
 ) -> Medium {
     let grid = VoxelGrid::from_tree(tree, &VoxelGridOptions { interpolation }).expect("a grid");
     let albedo = Albedo::Constant(albedo);
-    let medium = GridMedium::new(Arc::new(grid), index_to_world, sigma_t, albedo, phase);
-    Medium::Grid(medium.expect("a medium"))
+    let medium = Medium::from_grid(Arc::new(grid), index_to_world, sigma_t, albedo, phase);
+    medium.expect("a medium")
 }
 
 /// A cube of edge `2 half` around the origin with the same extinction everywhere, as a grid of 16^3 voxels.
@@ -92,8 +92,8 @@ pub fn glowing_cube(half: f64, sigma_t: [f32; 3], albedo: [f32; 3], color: [f32;
 
 /// The same cube as a homogeneous medium.
 pub fn cube_homogeneous(half: f64, sigma_t: [f32; 3], albedo: [f32; 3], phase: Phase) -> Medium {
-    let bounds = Some((DVec3::splat(-half), DVec3::splat(half)));
-    Medium::Homogeneous(HomogeneousMedium::new(sigma_t, bounds, albedo, phase).expect("a medium"))
+    let bounds = Some(Bounds3::new(DVec3::splat(-half), DVec3::splat(half)));
+    Medium::homogeneous(sigma_t, bounds, albedo, phase).expect("a medium")
 }
 
 /// A scene of these media seen from `position` towards `target`, in 64 x 64 pixels.
@@ -123,18 +123,16 @@ pub fn scene(media: Vec<Medium>, position: DVec3, target: DVec3, fov_y: f64) -> 
 pub fn transmittance(scene: &Scene, p: DVec3, d: DVec3, t_max: f64) -> DVec3 {
     let mut product = DVec3::ONE;
     for volume in &scene.volumes {
-        let depth = match &*volume.medium {
-            Medium::Grid(grid) => grid
-                .span(p, d.as_vec3(), t_max)
-                .map_or(0.0, |span| grid.any_ray(&span).optical_depth(&mut Tally::default())),
-            Medium::Homogeneous(medium) => medium
-                .span(p, d.as_vec3(), t_max)
-                .map_or(0.0, |(_, length)| f64::from(medium.scale()) * f64::from(length)),
-        };
-        let depths = volume.medium.relative_extinction().as_dvec3() * depth;
-        product *= DVec3::from_array(depths.to_array().map(|depth| match volume.medium.law() {
-            Some(law) => law.survival(law::Start::Uncorrelated, depth),
-            None => (-depth).exp(),
+        let medium = &*volume.medium;
+        let depth = medium
+            .span(p, d.as_vec3(), t_max)
+            .map_or(0.0, |span| medium.any_ray(&span, 1.0).optical_depth(&mut Tally::default()));
+        let depths = volume.medium.chromatic_ratio().as_dvec3() * depth;
+        product *= DVec3::from_array(depths.to_array().map(|depth| {
+            match volume.medium.transmittance_function() {
+                Some(law) => law.survival(law::Start::Uncorrelated, depth),
+                None => (-depth).exp(),
+            }
         }));
     }
     product

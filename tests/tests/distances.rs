@@ -336,14 +336,15 @@ fn equiangular_points_have_their_density() {
 /// Fog without end and a channel without extinction: every sampler comes to an end.
 #[test]
 fn endless_fields_end() {
-    use pileus_media::{HomogeneousMedium, Phase};
+    use pileus_media::{Medium, Phase};
     for sigma_t in [[1.0, 0.5, 0.0], [0.0; 3]] {
-        let fog = HomogeneousMedium::new(sigma_t, None, [1.0; 3], Phase::Isotropic).unwrap();
-        let relative = Relative(fog.relative_extinction());
+        let fog = Medium::homogeneous(sigma_t, None, [1.0; 3], Phase::Isotropic).unwrap();
+        let relative = Relative(fog.chromatic_ratio());
+        let span = fog.span(DVec3::ZERO, Vec3::X, f64::INFINITY).unwrap();
         for sampler in DistanceSampler::ALL {
             let mut rng = Pcg32::new(4, 4);
             for _ in 0..1000 {
-                let ray = fog.ray(f32::INFINITY);
+                let ray = fog.any_ray(&span, 1.0);
                 assert!(ray.optical_depth(&mut Tally::default()) >= 0.0);
                 let beta = Vec3::new(0.0, 0.0, 1.0);
                 let mut tally = Tally::default();

@@ -57,7 +57,8 @@ fn grey_media_stay_grey() {
             for distance in &distances {
                 for transmittance in transmittances {
                     let grid = lumpy_grid(1.0, [2.0; 3], [0.9; 3], Phase::henyey_greenstein(0.4));
-                    let mut media = vec![grid.with_law(law.clone().map(Arc::new))];
+                    let mut media =
+                        vec![grid.with_transmittance_function(law.clone().map(Arc::new))];
                     if two {
                         media.push(cube_homogeneous(0.8, [1.0; 3], [0.8; 3], Phase::Isotropic));
                     }
@@ -97,10 +98,18 @@ fn dense_media_end() {
             ("white", vec![grid(density, grey, 0.999)]),
             ("colours", vec![grid(density, [1.0, 1e-3, 1e-8], 0.5)]),
             ("in fog", vec![grid(density, grey, 0.5), fog()]),
-            ("linear", vec![grid(density, grey, 0.5).with_law(law(Law::Linear(Linear)))]),
+            (
+                "linear",
+                vec![
+                    grid(density, grey, 0.5).with_transmittance_function(law(Law::Linear(Linear))),
+                ],
+            ),
             (
                 "power",
-                vec![grid(density, grey, 0.5).with_law(law(Law::Power(Power::new(2.0).unwrap())))],
+                vec![
+                    grid(density, grey, 0.5)
+                        .with_transmittance_function(law(Law::Power(Power::new(2.0).unwrap()))),
+                ],
             ),
         ];
         for (name, media) in scenes {

@@ -5,6 +5,7 @@ use glam::{DVec3, Vec3};
 use pileus_integrator::{Events, Parameter, Plan, RenderSettings};
 use pileus_lab::experiment::classed_rays;
 use pileus_lab::{Profile, ProfileCase};
+use pileus_media::Bounds3;
 use pileus_media::distance::{DistanceSampler, Flight, regular_flight_under_law};
 use pileus_media::law::{
     Component, DavisWeinstein, Erlang, Law, Linear, Mixture, Passage, Power, Start, Table,
@@ -54,7 +55,7 @@ fn laws() -> Vec<Law> {
 }
 
 fn under(medium: Medium, law: &Law) -> Medium {
-    medium.with_law(Some(Arc::new(law.clone())))
+    medium.with_transmittance_function(Some(Arc::new(law.clone())))
 }
 
 fn profile(profile: Profile, majorant: f64, minorant: f64) -> ProfileCase {
@@ -181,7 +182,6 @@ fn rays_follow_the_law() {
     let constant = profile(Profile::Constant { value: 1.4 }, 1.4, 1.4);
     let ramp = profile(Profile::Linear { a: 0.2, b: 3.0 }, 3.2, 0.2);
     let plume = asset_medium("syn_plume.vdb", [30.0; 3], [1.0; 3], Phase::Isotropic);
-    let Medium::Grid(plume) = plume else { panic!("a grid") };
     let rays = classed_rays(&plume, 1, 5);
     assert!(rays.len() >= 3, "{rays:?}");
     let mut worst = [0.0; 2];
@@ -191,7 +191,7 @@ fn rays_follow_the_law() {
         for ray in &rays {
             let span = plume.span(ray.origin, ray.direction, f64::INFINITY).unwrap();
             let name = ray.class.name();
-            check_ray(&format!("plume {name}"), &law, || plume.any_ray(&span), &mut worst);
+            check_ray(&format!("plume {name}"), &law, || plume.any_ray(&span, 1.0), &mut worst);
         }
     }
     println!("largest chi2 {:.1}, |z| {:.2}", worst[0], worst[1]);
@@ -202,15 +202,14 @@ fn rays_follow_the_law() {
 #[test]
 fn surface_and_scatterer_are_reciprocal() {
     let plume = asset_medium("syn_plume.vdb", [30.0; 3], [1.0; 3], Phase::Isotropic);
-    let Medium::Grid(plume) = plume else { panic!("a grid") };
     let rays = classed_rays(&plume, 1, 5);
     let ray = rays.into_iter().max_by(|a, b| a.optical_depth.total_cmp(&b.optical_depth)).unwrap();
     let (origin, direction) = (ray.origin, ray.direction);
     let span = plume.span(origin, direction, f64::INFINITY).unwrap();
     let mut tally = Tally::default();
     let mut rng = Pcg32::new(20_261_125, 8);
-    let depth = plume.any_ray(&span).optical_depth(&mut tally);
-    let at = |tau: f64| plume.any_ray(&span).t_at_depth(tau, &mut Tally::default());
+    let depth = plume.any_ray(&span, 1.0).optical_depth(&mut tally);
+    let at = |tau: f64| plume.any_ray(&span, 1.0).t_at_depth(tau, &mut Tally::default());
     let (a, b) = (at(0.2).unwrap(), at(0.8).unwrap());
     println!("depth {depth:.3}, stretch {a} to {b} of {}", span.length);
     let table = Table::new(&[[0.0, 1.0], [0.2, 0.55], [0.5, 0.3], [1.0, 0.1], [2.0, 0.01]]);
@@ -220,7 +219,7 @@ fn surface_and_scatterer_are_reciprocal() {
         let from_place = Passage { law: &law, start: Start::Uncorrelated };
         let (mut forth, mut back, mut back_squares) = (0.0, 0.0, 0.0);
         for _ in 0..n {
-            let field = plume.any_ray(&span);
+            let field = plume.any_ray(&span, 1.0);
             let flight = if let Some(rate) = from_place.rate(&mut rng) {
                 let field = Scaled::new(field, rate);
                 DistanceSampler::Delta.fly(field, Grey, 1.0, None, &mut rng, &mut tally).flight
@@ -238,9 +237,9 @@ fn surface_and_scatterer_are_reciprocal() {
             let from_particle = Passage { law: &law, start: Start::Correlated };
             let telescope = Telescope::default();
             let through = if law.has_atom(Start::Correlated) {
-                exact_under_law(&plume.any_ray(&home), from_particle, Grey, &mut tally)
+                exact_under_law(&plume.any_ray(&home, 1.0), from_particle, Grey, &mut tally)
             } else {
-                let field = plume.any_ray(&home);
+                let field = plume.any_ray(&home, 1.0);
                 debiased_under_law(field, from_particle, Grey, telescope, &mut rng, &mut tally)
             };
             let x = plume.sigma_t_at(p) * f64::from(through) * f64::from(b - a) / l;
@@ -362,7 +361,7 @@ fn the_exponential_law_is_the_plain_kernel() {
         let make = |law: Option<Law>| {
             let medium =
                 lumpy_grid(1.0, extinction, [0.95, 0.8, 0.5], Phase::henyey_greenstein(0.5));
-            let medium = medium.with_law(law.map(Arc::new));
+            let medium = medium.with_transmittance_function(law.map(Arc::new));
             let mut scene = scene(vec![medium], EYE, DVec3::ZERO, 40.0);
             scene.lights.push(sun(Vec3::new(0.5, 0.8, -0.3), Vec3::new(3.0, 2.0, 1.0), 8.0));
             scene.environment.constant = Vec3::new(0.1, 0.2, 0.3);
@@ -483,7 +482,9 @@ fn fire_shines_through_the_law() {
         [(power(2.0), [1.2; 3]), (erlang(3), [1.2; 3]), (power(2.0), [1.2, 0.6, 0.1])]
     {
         let mut glowing = glowing_cube(1.0, extinction, [0.0; 3], [0.7, 0.5, 0.3]);
-        glowing.medium = Arc::new((*glowing.medium).clone().with_law(Some(Arc::new(law.clone()))));
+        glowing.medium = Arc::new(
+            (*glowing.medium).clone().with_transmittance_function(Some(Arc::new(law.clone()))),
+        );
         let mut scene = scene(vec![], EYE, DVec3::ZERO, 40.0);
         scene.volumes.push(glowing);
         let result = rendered(&scene, &point_filter(48, 6));
@@ -513,8 +514,12 @@ fn laws_order_the_light_that_gets_through() {
     assert!(through(&regular) < 0.5 * (-depth).exp());
     let mean = |law: Option<&Law>| {
         let cube = cube_grid(1.0, [3.0; 3], [0.0; 3], Phase::Isotropic);
-        let mut scene =
-            scene(vec![cube.with_law(law.cloned().map(Arc::new))], EYE, DVec3::ZERO, 20.0);
+        let mut scene = scene(
+            vec![cube.with_transmittance_function(law.cloned().map(Arc::new))],
+            EYE,
+            DVec3::ZERO,
+            20.0,
+        );
         scene.environment.constant = Vec3::ONE;
         let result = rendered(&scene, &settings(16, 8));
         result.image.channel("R").unwrap().iter().sum::<f32>() / 4096.0
@@ -528,7 +533,12 @@ fn laws_order_the_light_that_gets_through() {
 fn the_plan_says_what_it_does_and_refuses_what_assumes_the_exponential() {
     let scene_of = |law: Option<&Law>| {
         let cube = cube_grid(1.0, [1.0; 3], [0.5; 3], Phase::Isotropic);
-        scene(vec![cube.with_law(law.cloned().map(Arc::new))], EYE, DVec3::ZERO, 40.0)
+        scene(
+            vec![cube.with_transmittance_function(law.cloned().map(Arc::new))],
+            EYE,
+            DVec3::ZERO,
+            40.0,
+        )
     };
     let plan = |settings| Plan::new(&scene_of(Some(&power(2.0))), &settings).unwrap().to_string();
     let debiased = Some(Estimator::DebiasedRayMarching);
@@ -577,16 +587,16 @@ fn the_plan_says_what_it_does_and_refuses_what_assumes_the_exponential() {
 fn an_asset_absorbs_by_its_law() {
     let law = power(2.0);
     let medium = asset_medium("syn_plume.vdb", [60.0; 3], [0.0; 3], Phase::Isotropic);
-    let (low, high) = medium.bounds_world().unwrap();
+    let Bounds3 { low, high } = medium.bounds_world().unwrap();
     let middle = 0.5 * (low + high);
     let mut plume =
         scene(vec![under(medium, &law)], middle + DVec3::new(2.0, 1.0, 3.0), middle, 14.0);
     plume.environment.constant = Vec3::ONE;
     let result = rendered(&plume, &point_filter(1024, 4));
-    let Medium::Grid(grid) = &*plume.volumes[0].medium else { panic!("a grid") };
+    let medium = &plume.volumes[0].medium;
     assert_expected("plume", &result, |x, y| {
         let (o, d) = pixel_ray(&plume, x, y);
-        let tau = optical_depth(grid, o, d, 0.0, 100.0, &mut Tally::default());
+        let tau = optical_depth(medium, o, d, 0.0, 100.0, &mut Tally::default());
         [law.survival(Start::Uncorrelated, tau); 3]
     });
 }

@@ -126,7 +126,12 @@ fn panes_dim_and_tint() {
         ("point", grey(0.8), &all[1..2], None),
         ("spot", grey(0.8), &all[2..], None),
         ("all, chromatic", chromatic, &all[..], None),
-        ("all, a power law", grey(0.8).with_law(Some(Arc::new(law))), &all[..], None),
+        (
+            "all, a power law",
+            grey(0.8).with_transmittance_function(Some(Arc::new(law))),
+            &all[..],
+            None,
+        ),
         ("point and spot, equal angles", grey(0.1), &all[1..], Some(DistanceSampler::Equiangular)),
     ]
     .into_iter()

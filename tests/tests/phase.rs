@@ -5,7 +5,7 @@ use glam::{DAffine3, DVec3, Vec3};
 use pileus_integrator::RenderSettings;
 use pileus_media::distance::DistanceSampler;
 use pileus_media::phase::{CosineGrid, Draine, Lobe, MieFit, Mixture, Tabulated};
-use pileus_media::{Albedo, GridMedium, Interpolation, Medium, Phase, VoxelGrid, VoxelGridOptions};
+use pileus_media::{Albedo, Interpolation, Medium, Phase, VoxelGrid, VoxelGridOptions};
 use pileus_scene::{EnvironmentImage, Light, Point};
 use pileus_tests::*;
 use pileus_vdb::Tree;
@@ -57,7 +57,7 @@ fn by_grid(sigma_t: f32) -> Medium {
     let to_world =
         DAffine3::from_scale(DVec3::splat(0.125)) * DAffine3::from_translation(DVec3::splat(-7.5));
     let (albedo, phase) = (Albedo::Constant([1.0; 3]), Phase::ByGrid(Arc::new(cosine)));
-    Medium::Grid(GridMedium::new(grid, to_world, [sigma_t; 3], albedo, phase).unwrap())
+    Medium::from_grid(grid, to_world, [sigma_t; 3], albedo, phase).unwrap()
 }
 
 /// Albedo one inside uniform light: every sample is one, whatever the law.

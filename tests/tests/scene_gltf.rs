@@ -1,7 +1,8 @@
 //! Scenes that Blender exported: the right camera, lights and volumes in the right place.
 
 use glam::{DVec3, Vec3};
-use pileus_media::{Albedo, GridMedium, Medium, Phase};
+use pileus_media::Bounds3;
+use pileus_media::{Albedo, Phase};
 use pileus_scene::volume::DefaultScale;
 use pileus_scene::{CameraRequest, Error, GlassRule, Light, Loaded, Place, Scene, SceneRequest};
 use pileus_tests::root;
@@ -33,13 +34,6 @@ fn load(path: &Path, resolution: Option<[u32; 2]>, lumens_per_watt: f64) -> Resu
         default_scale: DefaultScale::One,
         glass_rule: GlassRule::default(),
     })
-}
-
-fn grid(medium: &Medium) -> &GridMedium {
-    match medium {
-        Medium::Grid(grid) => grid,
-        Medium::Homogeneous(_) => panic!("a grid is expected"),
-    }
 }
 
 #[test]
@@ -89,9 +83,9 @@ fn studio_smoke_is_turned_scaled_and_placed() {
     let scene = load(&path, None, 683.0).unwrap().scene;
     let [volume] = scene.volumes.as_slice() else { panic!() };
     assert_eq!(volume.name, "smoke");
-    let medium = grid(&volume.medium);
+    let medium = &volume.medium;
     assert!(matches!(medium.phase(), Phase::HenyeyGreenstein { g } if *g == 0.3));
-    let Albedo::Constant(albedo) = medium.albedo() else { panic!() };
+    let Albedo::Constant(albedo) = medium.optics().albedo() else { panic!() };
     assert_eq!(*albedo, [0.8, 0.8, 0.85]);
 
     // By hand: voxel 1/32, Z up to Y up, scale 1.2, 25 degrees about Y, translation.
@@ -113,7 +107,7 @@ fn studio_smoke_is_turned_scaled_and_placed() {
         checked += 1;
     }
     assert!(checked > 100);
-    let (low, high) = volume.medium.bounds_world().unwrap();
+    let Bounds3 { low, high } = volume.medium.bounds_world().unwrap();
     assert!(low.y >= -0.1 && high.y > 2.0, "the plume rises: {low} {high}");
 }
 
@@ -129,7 +123,7 @@ fn fire_loads_with_its_flames() {
     assert!(!loaded.notes.iter().any(|note| note.contains("default sky")));
     assert!(scene.environment.is_black() && scene.fires().count() == 1);
     assert!(!scene.not_modelled.iter().any(|item| item.contains("emission")));
-    let (low, high) = scene.volumes[0].medium.bounds_world().unwrap();
+    let Bounds3 { low, high } = scene.volumes[0].medium.bounds_world().unwrap();
     // Voxels of 0.0375 in a box of 53 x 53 x 96, Z up, moved by (-1, 0, 1): z runs from 1 down to -1.
     assert!(low.x > -1.0 && high.x < 1.0 && low.z > -1.0 && high.z < 1.0, "{low} {high}");
     assert!(low.y > -0.05 && high.y < 2.0);

@@ -1,7 +1,7 @@
 //! Volumes from files: which grid, how dense, where.
 
 use glam::{DAffine3, DQuat, DVec3, Vec3};
-use pileus_media::{BlackbodyRadiance, EmissionSource, Medium, blackbody};
+use pileus_media::{BlackbodyRadiance, EmissionSource, blackbody};
 use pileus_scene::volume::{CLOUD_OPTICAL_DEPTH, DefaultScale, VolumeLoader, VolumeRequest};
 use pileus_scene::volume_spec::{
     AlbedoSpec, DensitySpec, EmissionSpec, HomogeneousSpec, Rgb, TransformSpec, VolumeSpec,
@@ -84,10 +84,7 @@ fn extinction_is_per_scene_unit_after_all_transforms() {
         }),
         ..asset("syn_sphere.vdb")
     };
-    let medium = |scale: f64| match &*load(&spec(scale), DefaultScale::One).unwrap().medium {
-        Medium::Grid(medium) => medium.clone(),
-        Medium::Homogeneous(_) => panic!("a grid is expected"),
-    };
+    let medium = |scale: f64| load(&spec(scale), DefaultScale::One).unwrap().medium;
     let (small, large) = (medium(1.0), medium(3.0));
     let move_to = DVec3::new(5.0, 6.0, 7.0);
     for p in [DVec3::ZERO, DVec3::new(0.3, -0.2, 0.1), DVec3::new(-0.5, 0.4, 0.6)] {
@@ -110,8 +107,8 @@ fn volumes_of_one_grid_share_it() {
     };
     let a = loader.load(&request(&spec, DefaultScale::One)).unwrap();
     let b = loader.load(&request(&twin, DefaultScale::One)).unwrap();
-    let (Medium::Grid(a), Medium::Grid(b)) = (&*a.medium, &*b.medium) else { panic!() };
-    assert!(Arc::ptr_eq(a.grid(), b.grid()));
+    let (a, b) = (a.medium.grid().unwrap(), b.medium.grid().unwrap());
+    assert!(Arc::ptr_eq(a.voxels(), b.voxels()));
     assert!(loader.seconds_build > 0.0);
 }
 
@@ -132,16 +129,9 @@ fn a_field_of_instanced_clouds_holds_one_grid() {
     })
     .unwrap()
     .scene;
-    let media: Vec<_> = scene
-        .volumes
-        .iter()
-        .map(|volume| match &*volume.medium {
-            Medium::Grid(medium) => medium,
-            Medium::Homogeneous(_) => panic!("a grid is expected"),
-        })
-        .collect();
+    let media: Vec<_> = scene.volumes.iter().map(|volume| volume.medium.grid().unwrap()).collect();
     assert_eq!(media.len(), 200);
-    assert!(media.iter().all(|medium| Arc::ptr_eq(medium.grid(), media[0].grid())));
+    assert!(media.iter().all(|medium| Arc::ptr_eq(medium.voxels(), media[0].voxels())));
 
     let document: serde_json::Value =
         serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap();
@@ -277,12 +267,12 @@ fn emission_shares_grids_and_needs_no_density() {
     };
     let mut loader = VolumeLoader::default();
     let volume = loader.load(&request(&clear, DefaultScale::One)).unwrap();
-    let Medium::Grid(medium) = &*volume.medium else { panic!() };
-    assert_eq!(medium.scale(), 0.0);
+    let medium = volume.medium.grid().unwrap();
+    assert_eq!(medium.sigma_t_scale(), 0.0);
     let field = volume.emission.unwrap();
     assert!(field.power() > 0.0);
     let EmissionSource::Grid { grid, .. } = field.source() else { panic!() };
-    assert!(Arc::ptr_eq(grid, medium.grid()));
+    assert!(Arc::ptr_eq(grid, medium.voxels()));
     let again = loader.load(&request(&emitting(flames), DefaultScale::One)).unwrap();
     let EmissionSource::Grid { grid: other, .. } = again.emission.as_ref().unwrap().source() else {
         panic!()

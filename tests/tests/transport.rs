@@ -6,10 +6,11 @@ use pileus_film::Film;
 use pileus_integrator::{
     LightSampling, Plan, RenderSettings, Renderer, ShadowRoulette, Unmonitored,
 };
+use pileus_media::Bounds3;
 use pileus_media::distance::DistanceSampler;
 use pileus_media::phase::ISOTROPIC;
 use pileus_media::transmittance::Estimator;
-use pileus_media::{HomogeneousMedium, Medium, Phase, random::uniform};
+use pileus_media::{Medium, Phase, random::uniform};
 use pileus_scene::{Environment, EnvironmentImage, Light, Point, Spot};
 use pileus_tests::*;
 use rand_pcg::Pcg32;
@@ -108,7 +109,7 @@ fn absorption_is_beer_lambert() {
     }
 
     let medium = asset_medium("syn_plume.vdb", [60.0, 20.0, 5.0], [0.0; 3], hg(0.0));
-    let (low, high) = medium.bounds_world().unwrap();
+    let Bounds3 { low, high } = medium.bounds_world().unwrap();
     let middle = 0.5 * (low + high);
     let mut plume = scene(vec![medium], middle + DVec3::new(2.0, 1.0, 3.0), middle, 14.0);
     plume.environment.constant = Vec3::ONE;
@@ -116,10 +117,10 @@ fn absorption_is_beer_lambert() {
     // channels part, the thinnest loses no path at all in some block, and its variance is not known.
     let distance = Some(DistanceSampler::Spectral);
     let result = rendered(&plume, &RenderSettings { distance, ..point_filter(4096, 4) });
-    let Medium::Grid(grid) = &*plume.volumes[0].medium else { panic!("a grid") };
+    let medium = &plume.volumes[0].medium;
     assert_expected("plume, per channel", &result, |x, y| {
         let (o, d) = pixel_ray(&plume, x, y);
-        let tau = pileus_media::optical_depth(grid, o, d, 0.0, 100.0, &mut Default::default());
+        let tau = pileus_media::optical_depth(medium, o, d, 0.0, 100.0, &mut Default::default());
         [1.0, 1.0 / 3.0, 1.0 / 12.0].map(|relative| (-tau * relative).exp())
     });
     // Alpha is one minus the transmittance of the strongest channel's walk; here it is per path, so compare with the mean colour.
@@ -352,7 +353,7 @@ fn two_halves_make_a_whole() {
                 asset_medium("syn_plume.vdb", sigma_t, [0.9, 0.8, 0.7], hg(0.4))
             })
             .collect::<Vec<_>>();
-        let (low, high) = media[0].bounds_world().unwrap();
+        let Bounds3 { low, high } = media[0].bounds_world().unwrap();
         let middle = 0.5 * (low + high);
         let mut scene = scene(media, middle + DVec3::new(2.0, 1.0, 3.0), middle, 14.0);
         scene.lights.push(sun(Vec3::new(0.5, 0.8, -0.3), Vec3::splat(3.0), 0.0));
@@ -404,8 +405,8 @@ fn camera_inside_and_endless_fog() {
     assert!(result.image.channel("G").unwrap().iter().all(|v| (v - 1.0).abs() < 1e-6));
 
     // Absorbing fog in all space with a point light: single scattering by quadrature.
-    let fog = HomogeneousMedium::new([0.2; 3], None, [0.5; 3], Phase::Isotropic).unwrap();
-    let mut endless = scene(vec![Medium::Homogeneous(fog)], EYE, DVec3::ZERO, 40.0);
+    let fog = Medium::homogeneous([0.2; 3], None, [0.5; 3], Phase::Isotropic).unwrap();
+    let mut endless = scene(vec![fog], EYE, DVec3::ZERO, 40.0);
     let at = DVec3::new(0.5, 1.0, -1.0);
     endless.lights.push(Light::Point(Point { position: at, intensity: Vec3::splat(10.0) }));
     let single = RenderSettings { max_bounces: Some(1), ..point_filter(2048, 2) };
@@ -562,9 +563,8 @@ fn equiangular_points_serve_lights_in_thin_media() {
 /// Fog that fills all space and is clear in one channel: walks end, and the clear channel sees the environment unchanged.
 #[test]
 fn endless_fog_that_is_clear_in_one_channel() {
-    let fog =
-        pileus_media::HomogeneousMedium::new([1.0, 0.3, 0.0], None, [0.5; 3], hg(0.0)).unwrap();
-    let mut scene = scene(vec![Medium::Homogeneous(fog)], EYE, DVec3::ZERO, 24.0);
+    let fog = pileus_media::Medium::homogeneous([1.0, 0.3, 0.0], None, [0.5; 3], hg(0.0)).unwrap();
+    let mut scene = scene(vec![fog], EYE, DVec3::ZERO, 24.0);
     scene.environment.constant = Vec3::new(0.0, 0.0, 0.7);
     scene.lights.push(sun(Vec3::Y, Vec3::splat(3.0), 0.0));
     let image = rendered(&scene, &settings(256, 5));

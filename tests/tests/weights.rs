@@ -46,7 +46,7 @@ fn alpha_is_one_minus_the_transmittance_under_every_method() {
     let grey = || lumpy_grid(1.0, [0.4; 3], BLACK, phase.clone());
     let coloured = || lumpy_grid(1.0, [0.8, 0.1, 0.02], BLACK, phase.clone());
     let cube = |sigma_t| cube_homogeneous(1.5, sigma_t, BLACK, phase.clone());
-    let under = |medium: Medium, law| medium.with_law(Some(Arc::new(law)));
+    let under = |medium: Medium, law| medium.with_transmittance_function(Some(Arc::new(law)));
     let cases: Vec<(&str, Vec<Medium>)> = vec![
         ("grey grid", vec![grey()]),
         ("coloured grid", vec![coloured()]),

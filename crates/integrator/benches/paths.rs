@@ -4,7 +4,8 @@ use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use glam::{DAffine3, DVec3, Vec3};
 use pileus_film::Film;
 use pileus_integrator::{RenderSettings, Renderer, Unmonitored};
-use pileus_media::{Albedo, GridMedium, Medium, Phase, VoxelGrid, VoxelGridOptions};
+use pileus_media::Bounds3;
+use pileus_media::{Albedo, Medium, Phase, VoxelGrid, VoxelGridOptions};
 use pileus_scene::{Camera, Environment, Light, Scene, Sun, Volume, VolumeSource};
 use pileus_vdb::VdbFile;
 use std::sync::Arc;
@@ -16,15 +17,15 @@ fn scene(name: &str, scale: f32, albedo: [f32; 3], g: f32) -> Scene {
     let matrix = grid.info.transform.index_to_world().expect("a linear transform");
     let tree = grid.to_float().expect("a scalar grid");
     let grid = VoxelGrid::from_tree(&tree, &VoxelGridOptions::default()).expect("a grid");
-    let medium = GridMedium::new(
+    let medium = Medium::from_grid(
         Arc::new(grid),
         pileus_scene::volume::affine(matrix),
         [scale; 3],
         Albedo::Constant(albedo),
         Phase::henyey_greenstein(g),
     );
-    let medium = Medium::Grid(medium.expect("a medium"));
-    let (low, high) = medium.bounds_world().expect("bounds");
+    let medium = medium.expect("a medium");
+    let Bounds3 { low, high } = medium.bounds_world().expect("bounds");
     let (middle, size) = (0.5 * (low + high), (high - low).max_element());
     let eye = middle + DVec3::new(1.3, 0.4, 0.8) * size;
     Scene {
@@ -93,22 +94,22 @@ fn benches(c: &mut Criterion) {
 fn field(count: usize) -> Scene {
     let mut scene = scene("cumulus_small.vdb", 0.4, [0.999; 3], 0.8);
     let medium = Arc::clone(&scene.volumes[0].medium);
-    let Medium::Grid(first) = &*medium else { unreachable!() };
-    let (low, high) = medium.bounds_world().expect("bounds");
+    let first = medium.grid().expect("a grid");
+    let Bounds3 { low, high } = medium.bounds_world().expect("bounds");
     let step = 3.0 * (high - low).max_element();
     for i in 1..count {
         let at = DVec3::new((i % 15) as f64 - 7.0, 0.0, (i / 15) as f64 - 7.0) * step;
         let at = if at == DVec3::ZERO { DVec3::new(8.0, 0.0, 0.0) * step } else { at };
-        let placed = GridMedium::new(
-            Arc::clone(first.grid()),
+        let placed = Medium::from_grid(
+            Arc::clone(first.voxels()),
             DAffine3::from_translation(at) * first.index_to_world(),
-            [first.scale(); 3],
-            first.albedo().clone(),
-            first.phase().clone(),
+            [first.sigma_t_scale(); 3],
+            medium.optics().albedo().clone(),
+            medium.phase().clone(),
         );
         scene.volumes.push(Volume {
             name: format!("cloud {i}"),
-            medium: Arc::new(Medium::Grid(placed.expect("a medium"))),
+            medium: Arc::new(placed.expect("a medium")),
             source: VolumeSource::Homogeneous,
             emission: None,
         });

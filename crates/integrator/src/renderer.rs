@@ -19,7 +19,7 @@ use crate::settings::RenderSettings;
 use pileus_film::{Film, PixelSample, Tile};
 use pileus_media::distance::DistanceSampler;
 use pileus_media::transmittance::Telescope;
-use pileus_media::{GridMedium, MajorantStructure, Medium, Voxel, VoxelKernel};
+use pileus_media::{GridShape, MajorantStructure, Medium, Voxel, VoxelKernel};
 use pileus_scene::Scene;
 use rayon::prelude::*;
 use std::marker::PhantomData;
@@ -285,8 +285,8 @@ impl<'a> Parts<'a> {
 
     fn with_one_grid<J: Job>(&self, job: &mut J) -> J::Output {
         match self.media.media.as_slice() {
-            [medium] if let Medium::Grid(medium) = &**medium => {
-                medium.with_voxels(OnVoxels { parts: self, medium, job })
+            [medium] if let Some(grid) = medium.default_grid() => {
+                grid.with_voxels(OnVoxels { parts: self, medium, grid, job })
             }
             // The plan chose one grid: there is no other case.
             _ => self.with_world(self.merged(Grey), job),
@@ -340,7 +340,8 @@ impl<'a> Parts<'a> {
 /// The kernels of one grid, waiting for its voxel type.
 struct OnVoxels<'p, 'a, J> {
     parts: &'p Parts<'a>,
-    medium: &'p GridMedium,
+    medium: &'p Medium,
+    grid: &'p GridShape,
     job: &'p mut J,
 }
 
@@ -348,8 +349,8 @@ impl<J: Job> VoxelKernel for OnVoxels<'_, '_, J> {
     type Output = J::Output;
 
     fn run<V: Voxel>(self, voxels: &[V]) -> J::Output {
-        let OnVoxels { parts, medium, job } = self;
-        let grid = OfGrid { parts, medium, voxels };
+        let OnVoxels { parts, medium, grid, job } = self;
+        let grid = OfGrid { parts, medium, grid, voxels };
         let kernel = parts.plan.kernel;
         match (kernel.channels == Channels::Grey, kernel.phase) {
             (true, PhaseFunctions::IsotropicOrHenyeyGreenstein) => {
@@ -367,14 +368,15 @@ impl<J: Job> VoxelKernel for OnVoxels<'_, '_, J> {
 /// A grid with its voxels in their type.
 struct OfGrid<'p, 'a, V> {
     parts: &'p Parts<'a>,
-    medium: &'p GridMedium,
+    medium: &'p Medium,
+    grid: &'p GridShape,
     voxels: &'p [V],
 }
 
 impl<V: Voxel> OfGrid<'_, '_, V> {
     fn run<C: ChannelMode, P: PhaseAxis, J: Job>(&self, channels: C, job: &mut J) -> J::Output {
-        let OfGrid { parts, medium, voxels } = *self;
-        let media = OneGrid { medium, voxels, channels, phase: PhantomData::<P> };
+        let OfGrid { parts, medium, grid, voxels } = *self;
+        let media = OneGrid { medium, grid, voxels, channels, phase: PhantomData::<P> };
         parts.with_world(media, job)
     }
 }

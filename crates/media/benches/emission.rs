@@ -2,6 +2,7 @@
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use glam::{DAffine3, DMat3, DVec3, Vec3};
+use pileus_media::Bounds3;
 use pileus_media::random::uniform;
 use pileus_media::{
     Albedo, BlackbodyRadiance, EmissionDirections, EmissionField, EmissionSource, Tally, VoxelGrid,
@@ -46,8 +47,8 @@ fn soot() -> (EmissionSource, DAffine3) {
     (source, to_world)
 }
 
-fn point_in((low, high): (DVec3, DVec3), rng: &mut Pcg32) -> DVec3 {
-    low + (high - low) * DVec3::from_array([(); 3].map(|()| f64::from(uniform(rng))))
+fn point_in(bounds: Bounds3, rng: &mut Pcg32) -> DVec3 {
+    bounds.at(DVec3::from_array([(); 3].map(|()| f64::from(uniform(rng)))))
 }
 
 fn benches(c: &mut Criterion) {
@@ -78,7 +79,7 @@ fn benches(c: &mut Criterion) {
         let n = 4096;
         group.throughput(Throughput::Elements(n));
         let directions = EmissionDirections::new(&field, |_| 1.0).expect("a fire");
-        let eye = bounds.1 + (bounds.1 - bounds.0) * DVec3::new(0.5, 1.0, -0.3);
+        let eye = bounds.at(DVec3::new(1.5, 2.0, 0.7));
         group.bench_function("view", |b| {
             b.iter(|| {
                 for _ in 0..n {

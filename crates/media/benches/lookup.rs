@@ -5,7 +5,7 @@ use glam::{DAffine3, DMat3, DVec3, Vec3};
 use pileus_media::random::uniform;
 use pileus_media::transmittance::ratio_tracking;
 use pileus_media::{
-    Albedo, GridMedium, MajorantSegment, Phase, PhaseAt, RayField, Tally, TentativeCollisions,
+    Albedo, MajorantSegment, Medium, Phase, PhaseAt, RayField, Tally, TentativeCollisions,
     VoxelGrid, VoxelGridOptions,
 };
 use pileus_vdb::{Tree, VdbFile};
@@ -23,11 +23,11 @@ fn tree(name: &str) -> (Tree<f32>, DAffine3) {
     (grid.to_float().expect("a scalar grid"), DAffine3::from_mat3_translation(matrix, row(3)))
 }
 
-fn medium(name: &str, scale: f32) -> GridMedium {
+fn medium(name: &str, scale: f32) -> Medium {
     let (tree, index_to_world) = tree(name);
     let grid = VoxelGrid::from_tree(&tree, &VoxelGridOptions::default()).expect("a grid");
     let albedo = Albedo::Constant([1.0; 3]);
-    GridMedium::new(Arc::new(grid), index_to_world, [scale; 3], albedo, Phase::Isotropic)
+    Medium::from_grid(Arc::new(grid), index_to_world, [scale; 3], albedo, Phase::Isotropic)
         .expect("a medium")
 }
 
@@ -35,14 +35,14 @@ fn direction(rng: &mut Pcg32) -> Vec3 {
     PhaseAt::Isotropic.sample(Vec3::Z, [uniform(rng), uniform(rng)]).0
 }
 
-fn point_in(medium: &GridMedium, rng: &mut Pcg32) -> DVec3 {
-    let (low, high) = medium.bounds_world().expect("bounds");
+fn point_in(medium: &Medium, rng: &mut Pcg32) -> DVec3 {
+    let pileus_media::Bounds3 { low, high } = medium.bounds_world().expect("bounds");
     let u = DVec3::new(uniform(rng).into(), uniform(rng).into(), uniform(rng).into());
     low + (high - low) * u
 }
 
 /// Points at which the medium is dense.
-fn dense_points(medium: &GridMedium, n: usize) -> Vec<DVec3> {
+fn dense_points(medium: &Medium, n: usize) -> Vec<DVec3> {
     let mut rng = Pcg32::new(1, 1);
     std::iter::repeat_with(|| point_in(medium, &mut rng))
         .filter(|p| medium.sigma_t_at(*p) > 0.0)
@@ -57,7 +57,7 @@ fn benches(c: &mut Criterion) {
     // The same segment again and again: voxels in the first cache.
     let p = dense_points(&cumulus, 1)[0];
     let span = cumulus.span(p, Vec3::X, 1e9).expect("a span");
-    let mut ray = cumulus.any_ray(&span);
+    let mut ray = cumulus.any_ray(&span, 1.0);
     let MajorantSegment { t0, t1, .. } = ray.next_segment().expect("a segment");
     let steps = 1024;
     group.throughput(Throughput::Elements(steps));
@@ -81,7 +81,7 @@ fn benches(c: &mut Criterion) {
             next = (next + 1) & 0xffff;
             let (p, d) = rays[next];
             let span = cumulus.span(p, d, 1e9).expect("a span");
-            let mut ray = cumulus.any_ray(&span);
+            let mut ray = cumulus.any_ray(&span, 1.0);
             let segment = ray.next_segment().expect("a segment");
             black_box(ray.sigma_t(segment.t0))
         });
@@ -104,7 +104,7 @@ fn benches(c: &mut Criterion) {
         let walk = |visit: &mut dyn FnMut(u64)| {
             for (p, d) in &rays {
                 if let Some(span) = medium.span(*p, *d, 1e9) {
-                    let mut ray = medium.any_ray(&span);
+                    let mut ray = medium.any_ray(&span, 1.0);
                     while let Some(segment) = ray.next_segment() {
                         black_box(segment);
                     }
@@ -129,7 +129,7 @@ fn benches(c: &mut Criterion) {
                     for p in &shadow {
                         let d = direction(&mut rng);
                         let span = medium.span(*p, d, 1e9).expect("a span");
-                        let walk = TentativeCollisions::new(medium.any_ray(&span));
+                        let walk = TentativeCollisions::new(medium.any_ray(&span, 1.0));
                         sum += ratio_tracking(walk, &mut random, &mut tally);
                     }
                     black_box(sum)

@@ -4,22 +4,23 @@
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use glam::{DVec3, Vec3};
+use pileus_media::Bounds3;
 use pileus_media::random::uniform;
 use pileus_media::{
-    Albedo, GridMedium, MajorantStructure, Phase, RayField, VoxelGrid, VoxelGridOptions,
+    Albedo, MajorantStructure, Medium, Phase, RayField, VoxelGrid, VoxelGridOptions,
 };
 use pileus_vdb::VdbFile;
 use rand_pcg::Pcg32;
 use std::hint::black_box;
 use std::sync::Arc;
 
-fn medium(name: &str, scale: f32) -> GridMedium {
+fn medium(name: &str, scale: f32) -> Medium {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenes/assets/");
     let file = VdbFile::open(format!("{path}{name}")).expect("an asset");
     let grid = file.read(file.find("density").expect("density")).expect("a grid");
     let tree = grid.to_float().expect("a scalar grid");
     let grid = VoxelGrid::from_tree(&tree, &VoxelGridOptions::default()).expect("a grid");
-    GridMedium::new(
+    Medium::from_grid(
         Arc::new(grid),
         glam::DAffine3::IDENTITY,
         [scale; 3],
@@ -30,8 +31,8 @@ fn medium(name: &str, scale: f32) -> GridMedium {
 }
 
 /// Rays from random points of the box in random directions.
-fn rays(medium: &GridMedium) -> Vec<(DVec3, Vec3)> {
-    let (low, high) = medium.bounds_world().expect("bounds");
+fn rays(medium: &Medium) -> Vec<(DVec3, Vec3)> {
+    let Bounds3 { low, high } = medium.bounds_world().expect("bounds");
     let mut rng = Pcg32::new(3, 3);
     (0..4096)
         .map(|_| {
@@ -68,7 +69,7 @@ fn benches(c: &mut Criterion) {
                 let mut steps = 0;
                 for (p, d) in &rays {
                     if let Some(span) = medium.span(*p, *d, 1e9) {
-                        let mut ray = medium.any_ray(&span);
+                        let mut ray = medium.any_ray(&span, 1.0);
                         while let Some(segment) = ray.next_segment() {
                             black_box(segment);
                         }

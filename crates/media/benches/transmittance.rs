@@ -2,19 +2,20 @@
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use glam::{DAffine3, DMat3, DVec3, Vec3};
+use pileus_media::Bounds3;
 use pileus_media::distance::DistanceSampler;
 use pileus_media::random::uniform;
 use pileus_media::transmittance::Estimator;
 use pileus_media::{
-    Albedo, Grey, GridMedium, Phase, PhaseAt, Span, Tally, Voxel, VoxelGrid, VoxelGridOptions,
-    VoxelKernel,
+    Albedo, Grey, GridShape, Medium, Phase, PhaseAt, Span, Tally, Voxel, VoxelGrid,
+    VoxelGridOptions, VoxelKernel,
 };
 use pileus_vdb::VdbFile;
 use rand_pcg::Pcg32;
 use std::hint::black_box;
 use std::sync::Arc;
 
-fn medium(name: &str, scale: f32) -> GridMedium {
+fn medium(name: &str, scale: f32) -> Medium {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenes/assets/");
     let file = VdbFile::open(format!("{path}{name}")).expect("an asset");
     let grid = file.read(file.find("density").expect("density")).expect("a grid");
@@ -25,13 +26,13 @@ fn medium(name: &str, scale: f32) -> GridMedium {
     let grid = VoxelGrid::from_tree(&tree, &VoxelGridOptions::default()).expect("a grid");
     let to_world = DAffine3::from_mat3_translation(matrix, row(3));
     let albedo = Albedo::Constant([1.0; 3]);
-    GridMedium::new(Arc::new(grid), to_world, [scale; 3], albedo, Phase::Isotropic)
+    Medium::from_grid(Arc::new(grid), to_world, [scale; 3], albedo, Phase::Isotropic)
         .expect("a medium")
 }
 
 /// Rays from dense points in random directions.
-fn spans(medium: &GridMedium, n: usize) -> Vec<Span> {
-    let (low, high) = medium.bounds_world().expect("bounds");
+fn spans(medium: &Medium, n: usize) -> Vec<Span> {
+    let Bounds3 { low, high } = medium.bounds_world().expect("bounds");
     let mut rng = Pcg32::new(1, 1);
     let mut spans = Vec::new();
     while spans.len() < n {
@@ -50,7 +51,7 @@ fn spans(medium: &GridMedium, n: usize) -> Vec<Span> {
 }
 
 struct Rays<'a> {
-    medium: &'a GridMedium,
+    grid: &'a GridShape,
     spans: &'a [Span],
     criterion: &'a mut Criterion,
     name: &'a str,
@@ -59,7 +60,7 @@ struct Rays<'a> {
 impl VoxelKernel for Rays<'_> {
     type Output = ();
     fn run<V: Voxel>(self, voxels: &[V]) {
-        let Rays { medium, spans, criterion, name } = self;
+        let Rays { grid, spans, criterion, name } = self;
         let mut group = criterion.benchmark_group(format!("transmittance/{name}"));
         group.sample_size(20).throughput(Throughput::Elements(spans.len() as u64));
         for estimator in Estimator::ALL {
@@ -68,7 +69,7 @@ impl VoxelKernel for Rays<'_> {
                     let (mut rng, mut tally) = (Pcg32::new(2, 2), Tally::default());
                     let mut sum = 0.0;
                     for span in spans {
-                        let field = medium.ray(voxels, span);
+                        let field = grid.ray(voxels, span, 1.0);
                         sum += estimator.estimate(field, Grey, 0.3, &mut rng, &mut tally);
                     }
                     black_box(sum)
@@ -88,7 +89,7 @@ impl VoxelKernel for Rays<'_> {
                     let (mut rng, mut tally) = (Pcg32::new(2, 2), Tally::default());
                     let mut sum = 0.0;
                     for span in spans {
-                        let field = medium.ray(voxels, span);
+                        let field = grid.ray(voxels, span, 1.0);
                         sum += sampler.fly(field, Grey, 1.0, None, &mut rng, &mut tally).weight;
                     }
                     black_box(sum)
@@ -103,7 +104,8 @@ fn benches(criterion: &mut Criterion) {
     for (name, scale) in [("cumulus_small.vdb", 0.4), ("arnold_smoke.vdb", 2.0)] {
         let medium = medium(name, scale);
         let spans = spans(&medium, 4096);
-        medium.with_voxels(Rays { medium: &medium, spans: &spans, criterion, name });
+        let grid = medium.default_grid().expect("a grid");
+        grid.with_voxels(Rays { grid, spans: &spans, criterion, name });
     }
 }
 

@@ -1,7 +1,8 @@
 //! Tentative collisions: the Poisson process of a field's majorants, from which every null-collision method is made.
 
 use crate::field::{MajorantSegment, RayField};
-use crate::random::exponential;
+use crate::tally::Tally;
+use pileus_math::random::exponential;
 use rand_core::Rng;
 
 /// Walks along a ray from one tentative collision to the next.
@@ -112,10 +113,10 @@ impl<F: RayField> TentativeCollisions<F> {
         depth
     }
 
-    /// Extinction at the collision returned last, 1/length.
+    /// Looks up the extinction at the collision returned last, 1/length, and counts it.
     #[inline(always)]
-    pub fn sigma_t(&self, collision: Tentative) -> f32 {
-        self.field.sigma_t(collision.t)
+    pub fn sigma_t(&self, collision: Tentative, tally: &mut Tally) -> f32 {
+        tally.looked_up(self.field.sigma_t(collision.t), collision.majorant)
     }
 
     /// Whether the segment of the last collision never ends. By the contract of fields its extinction is constant: a walk that ignores

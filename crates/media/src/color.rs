@@ -5,6 +5,7 @@ use crate::clamped::Clamped;
 use crate::grid::{Interpolation, VoxelGrid, VoxelGridOptions};
 use crate::index_map::{box_over, snapped};
 use glam::{DVec3, Vec3};
+use pileus_math::Bounds3;
 use pileus_vdb::Tree;
 
 /// A colour per point of index space, interpolated trilinearly and clamped to [0, 1] per channel.
@@ -56,9 +57,9 @@ impl ColorGrid {
     }
 
     /// Smallest value of each channel over a box of the asking medium's index space: never too large.
-    pub(crate) fn least_over(&self, low: DVec3, high: DVec3) -> Vec3 {
-        let (low, high) = box_over(&self.to_index, low, high);
-        let least = |channel: &VoxelGrid| channel.range_over(low, high).0;
+    pub(crate) fn least_over(&self, bounds: Bounds3) -> Vec3 {
+        let bounds = box_over(&self.to_index, bounds);
+        let least = |channel: &VoxelGrid| channel.range_over(bounds).0;
         let color = match self.channels.as_slice() {
             [grey] => Vec3::splat(least(grey)),
             [r, g, b] => Vec3::new(least(r), least(g), least(b)),
@@ -68,10 +69,10 @@ impl ColorGrid {
     }
 
     /// Whether every channel is constant over the box.
-    pub(crate) fn is_constant_over(&self, low: DVec3, high: DVec3) -> bool {
-        let (low, high) = box_over(&self.to_index, low, high);
+    pub(crate) fn is_constant_over(&self, bounds: Bounds3) -> bool {
+        let bounds = box_over(&self.to_index, bounds);
         self.channels.iter().all(|channel| {
-            let (min, max) = channel.range_over(low, high);
+            let (min, max) = channel.range_over(bounds);
             min == max
         })
     }

@@ -1,6 +1,7 @@
 //! Maps between the index spaces of grids that share a file but not a transform.
 
-use glam::{DAffine3, DVec3};
+use glam::DAffine3;
+use pileus_math::Bounds3;
 
 /// The map, with numbers that are whole but for rounding made whole: grids of one transform then share voxels exactly.
 pub(crate) fn snapped(map: DAffine3) -> DAffine3 {
@@ -12,23 +13,23 @@ pub(crate) fn snapped(map: DAffine3) -> DAffine3 {
 }
 
 /// The box parallel to the axes around a moved box, in the same closed sense.
-pub(crate) fn box_over(to: &DAffine3, low: DVec3, high: DVec3) -> (DVec3, DVec3) {
+pub(crate) fn box_over(to: &DAffine3, bounds: Bounds3) -> Bounds3 {
     if *to == DAffine3::IDENTITY {
-        return (low, high);
+        return bounds;
     }
-    let middle = to.transform_point3(0.5 * (low + high));
-    let half = 0.5 * (high - low);
+    let middle = to.transform_point3(bounds.centre());
+    let half = 0.5 * bounds.size();
     let m = to.matrix3;
     let reach = m.x_axis.abs() * half.x + m.y_axis.abs() * half.y + m.z_axis.abs() * half.z;
     // Rounding must not narrow it.
     let slack = (middle.abs() + reach) * 1e-12;
-    (middle - reach - slack, middle + reach + slack)
+    Bounds3::new(middle - reach - slack, middle + reach + slack)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::DQuat;
+    use glam::{DQuat, DVec3};
     use proptest::prelude::*;
 
     #[test]
@@ -50,10 +51,9 @@ mod tests {
             let rotation = DQuat::from_scaled_axis(DVec3::from_array(axis) * angle);
             let map = DAffine3::from_scale_rotation_translation(
                 DVec3::from_array(scale), rotation, DVec3::new(1.0, 20.0, -300.0));
-            let (low, high) = (DVec3::new(-4.0, 2.0, 8.0), DVec3::new(4.0, 10.0, 16.0));
-            let (a, b) = box_over(&map, low, high);
-            let p = map.transform_point3(low + (high - low) * DVec3::from_array(u));
-            prop_assert!(p.cmpge(a).all() && p.cmple(b).all());
+            let bounds = Bounds3::new(DVec3::new(-4.0, 2.0, 8.0), DVec3::new(4.0, 10.0, 16.0));
+            let p = map.transform_point3(bounds.at(DVec3::from_array(u)));
+            prop_assert!(box_over(&map, bounds).contains(p));
         }
     }
 }

@@ -6,26 +6,23 @@ mod clamped;
 mod collisions;
 mod color;
 pub mod distance;
-pub mod elementary;
 mod emission;
 mod error;
 mod field;
 pub mod flakes;
 mod grid;
-mod homogeneous;
 mod index_map;
 pub mod law;
 mod majorant;
 mod medium;
 mod method;
 pub mod phase;
-pub mod random;
 mod scaled;
 mod stretch;
 mod tally;
 pub mod transmittance;
 
-pub use channels::{Channels, Grey, Relative, Spectrum};
+pub use channels::{Channels, Grey, Relative};
 pub use clamped::Clamped;
 pub use collisions::{Tentative, TentativeCollisions};
 pub use color::ColorGrid;
@@ -37,16 +34,19 @@ pub use emission::{
 pub use error::Error;
 pub use field::{ExactField, MajorantSegment, RayField};
 pub use grid::{BuildReport, GridView, Half, Interpolation, Voxel, VoxelGrid, VoxelGridOptions};
-pub use homogeneous::{HomogeneousMedium, HomogeneousRay};
 pub use majorant::{
     Adaptive, AnyPartition, COLLISION_COST, Cell, Corner, GridRay, Hierarchy, Lowest,
     MajorantStructure, Majorants, Partition, STEP_COST, StructureCost, WideRay,
 };
-pub use medium::{Albedo, AnyGridRay, FieldKernel, GridMedium, Medium, Span, VoxelKernel};
+pub use medium::{
+    Albedo, AnyGridRay, AnyRay, BoxShape, FieldKernel, GridShape, HomogeneousRay, Medium, Optics,
+    Shape, Span, VoxelKernel,
+};
 pub use method::{
     Expectation, Facts, Named, Transmittances, Work, from_name_or_auto, name_or_auto,
 };
 pub use phase::{Phase, PhaseAt};
+pub use pileus_math::{Bounds3, Spectrum, random};
 pub use scaled::Scaled;
 pub use tally::Tally;
 pub use transmittance::optical_depth;

@@ -3,10 +3,11 @@
 //! Transmittances of consecutive stretches multiply, and independent estimates of them as well. Where the cuts lie must not depend on
 //! random numbers. A limit on the majorant depth of a stretch keeps power series within single precision.
 
-use crate::channels::{Channels, Spectrum};
+use crate::channels::Channels;
 use crate::field::{MajorantSegment, RayField};
-use crate::random::happens;
 use crate::tally::Tally;
+use pileus_math::Spectrum;
+use pileus_math::random::happens;
 use rand_core::Rng;
 use smallvec::SmallVec;
 
@@ -74,9 +75,7 @@ impl Stretch {
         tally: &mut Tally,
     ) -> C::Value {
         let point = self.at_depth(depth);
-        let sigma_t = field.sigma_t_anywhere(point.t);
-        tally.lookups += 1;
-        tally.violations += u64::from(sigma_t > point.majorant);
+        let sigma_t = tally.looked_up(field.sigma_t_anywhere(point.t), point.majorant);
         channels.of(sigma_t / point.majorant)
     }
 

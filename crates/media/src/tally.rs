@@ -16,6 +16,15 @@ pub struct Tally {
 }
 
 impl Tally {
+    /// Counts a lookup that found `sigma_t` where `bound` is the field's majorant, and a violation
+    /// if it exceeds that; hands the extinction through.
+    #[inline(always)]
+    pub fn looked_up(&mut self, sigma_t: f32, bound: f32) -> f32 {
+        self.lookups += 1;
+        self.violations += u64::from(sigma_t > bound);
+        sigma_t
+    }
+
     /// Adds the counts of `other`.
     pub fn merge(&mut self, other: &Tally) {
         self.lookups += other.lookups;

@@ -3,10 +3,11 @@
 mod common;
 
 use glam::{DVec3, Vec3};
+use pileus_media::Bounds3;
 use pileus_media::random::uniform;
 use pileus_media::{
-    Albedo, GridMedium, Interpolation, MajorantSegment, MajorantStructure, Phase, RayField,
-    VoxelGrid, VoxelGridOptions,
+    Albedo, Interpolation, MajorantSegment, MajorantStructure, Medium, Phase, RayField, VoxelGrid,
+    VoxelGridOptions,
 };
 use pileus_vdb::{Tree, VdbFile};
 use rand_core::Rng;
@@ -68,7 +69,7 @@ fn stored_values_are_the_trees() {
 fn interpolation_is_openvdbs() {
     for (name, tree) in all_trees() {
         let grid = VoxelGrid::from_tree(&tree, &VoxelGridOptions::default()).unwrap();
-        let Some((low, high)) = grid.bounds_index() else { continue };
+        let Some(Bounds3 { low, high }) = grid.bounds_index() else { continue };
         let high = high.min(low + 5000.0);
         let mut rng = Pcg32::new(6, 5);
         for _ in 0..2000 {
@@ -97,14 +98,14 @@ fn interpolation_is_openvdbs() {
 /// Walks a ray; checks that segments tile it, that no lookup leaves its bounds and that what lies between segments is empty.
 fn check_ray(
     name: &str,
-    medium: &GridMedium,
+    medium: &Medium,
     origin: DVec3,
     direction: Vec3,
     t_max: f64,
     rng: &mut Pcg32,
 ) {
     let Some(span) = medium.span(origin, direction, t_max) else { return };
-    let mut ray = medium.any_ray(&span);
+    let mut ray = medium.any_ray(&span, 1.0);
     let mut t = 0.0f32;
     let mut checked = 0;
     let empty = |from: f32, to: f32, rng: &mut Pcg32| {
@@ -114,7 +115,7 @@ fn check_ray(
             let p = origin + direction.as_dvec3() * medium.world_distance(&span, t);
             let value = medium.sigma_t_at(p);
             // Single precision may be off by some 1e-3 voxels at the ends of what was skipped.
-            let bound = f64::from(medium.grid().range().1) * f64::from(medium.scale());
+            let bound = medium.largest_sigma_t();
             assert!(
                 value <= 2e-2 * bound,
                 "{name}: {value} of {bound} at {t} of {from} to {to}, in a skipped part"
@@ -145,7 +146,7 @@ fn bounds_hold_and_segments_tile_on_all_assets() {
     for (name, tree) in all_trees() {
         for interpolation in [Interpolation::Nearest, Interpolation::Trilinear] {
             let grid = VoxelGrid::from_tree(&tree, &VoxelGridOptions { interpolation }).unwrap();
-            let Some((low, high)) = grid.bounds_index() else { continue };
+            let Some(Bounds3 { low, high }) = grid.bounds_index() else { continue };
             if grid.background() != 0.0 || grid.range().1 > 1e28 {
                 continue;
             }
@@ -154,7 +155,7 @@ fn bounds_hold_and_segments_tile_on_all_assets() {
             // Thin, medium and thick: the size of cells depends on it.
             for depth in [0.1, 10.0, 1e4] {
                 let scale = (depth / (size * f64::from(grid.range().1).max(1e-20))) as f32;
-                let medium = GridMedium::new(
+                let medium = Medium::from_grid(
                     Arc::clone(&grid),
                     glam::DAffine3::IDENTITY,
                     [scale; 3],
@@ -172,7 +173,7 @@ fn bounds_hold_and_segments_tile_on_all_assets() {
                     MajorantStructure::Global,
                 ];
                 // Super-grids of vast sparse grids would take too many cells: refused.
-                let media: Vec<GridMedium> =
+                let media: Vec<Medium> =
                     structures.iter().filter_map(|s| medium.with_majorants(*s, 1.0).ok()).collect();
                 assert!(media.len() >= 4, "{name}: {} structures", media.len());
                 for kind in 0..120 {
@@ -200,7 +201,8 @@ fn bounds_hold_and_segments_tile_on_all_assets() {
                     }
                     let t_max = if kind % 7 == 0 { size * 0.3 } else { f64::INFINITY };
                     let direction = direction.normalize().as_vec3();
-                    let name = format!("{name} {}", medium.majorants().structure().name());
+                    let name =
+                        format!("{name} {}", medium.grid().unwrap().majorants().structure().name());
                     check_ray(&name, medium, origin, direction, t_max, &mut rng);
                 }
             }
@@ -211,7 +213,7 @@ fn bounds_hold_and_segments_tile_on_all_assets() {
 #[test]
 fn spans_of_no_length_and_misses_are_none() {
     let medium = common::medium(&common::asset("syn_sphere.vdb"), "density", 1.0);
-    let (low, high) = medium.bounds_world().unwrap();
+    let Bounds3 { low, high } = medium.bounds_world().unwrap();
     let middle = 0.5 * (low + high);
     assert!(medium.span(middle, Vec3::X, 0.0).is_none());
     assert!(medium.span(high + 1.0, Vec3::X, f64::INFINITY).is_none());
@@ -229,7 +231,7 @@ fn structures_agree_on_transmittance() {
         [("cumulus_small.vdb", 2.0), ("syn_plume.vdb", 2.0), ("smoke_plume.vdb", 2.0)]
     {
         let unit = common::medium(&common::asset(name), "density", 1.0);
-        let (low, high) = unit.bounds_world().unwrap();
+        let Bounds3 { low, high } = unit.bounds_world().unwrap();
         let mut rng = Pcg32::new(8, 8);
         let mut tested = 0;
         while tested < 8 {
@@ -241,9 +243,9 @@ fn structures_agree_on_transmittance() {
             }
             let scale = (depth / tau) as f32;
             let (_, to_world) = common::read(&common::asset(name), "density");
-            let (grid, phase) = (unit.grid().clone(), Phase::Isotropic);
+            let (grid, phase) = (unit.grid().unwrap().voxels().clone(), Phase::Isotropic);
             let albedo = Albedo::Constant([1.0; 3]);
-            let medium = GridMedium::new(grid, to_world, [scale; 3], albedo, phase).unwrap();
+            let medium = Medium::from_grid(grid, to_world, [scale; 3], albedo, phase).unwrap();
             let mut lookups = Vec::new();
             for structure in [
                 MajorantStructure::Adaptive,
@@ -259,7 +261,7 @@ fn structures_agree_on_transmittance() {
                 let n = 4000;
                 let (mut sum, mut squares) = (0.0, 0.0);
                 for _ in 0..n {
-                    let walk = TentativeCollisions::new(medium.any_ray(&span));
+                    let walk = TentativeCollisions::new(medium.any_ray(&span, 1.0));
                     let x = f64::from(ratio_tracking(walk, &mut rng, &mut tally));
                     sum += x;
                     squares += x * x;
@@ -288,7 +290,7 @@ fn majorants_are_a_function_of_the_point() {
             let medium = common::medium(&common::asset(name), "density", scale);
             for structure in [MajorantStructure::Adaptive, MajorantStructure::Hierarchy] {
                 let medium = medium.with_majorants(structure, 1.0).unwrap();
-                let (low, high) = medium.bounds_world().unwrap();
+                let Bounds3 { low, high } = medium.bounds_world().unwrap();
                 let mut rng = Pcg32::new(9, 9);
                 let mut compared = 0;
                 for _ in 0..200 {
@@ -301,7 +303,7 @@ fn majorants_are_a_function_of_the_point() {
                         continue;
                     };
                     let segments = |span| {
-                        let mut ray = medium.any_ray(span);
+                        let mut ray = medium.any_ray(span, 1.0);
                         std::iter::from_fn(move || ray.next_segment()).collect::<Vec<_>>()
                     };
                     let (there, back) = (segments(&there), segments(&back));

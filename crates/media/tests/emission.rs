@@ -3,6 +3,7 @@
 mod common;
 
 use glam::{DAffine3, DVec3, Vec3};
+use pileus_media::Bounds3;
 use pileus_media::random::uniform;
 use pileus_media::{
     Albedo, BlackbodyRadiance, ColorRamp, EmissionDirections, EmissionField, EmissionPoint,
@@ -64,8 +65,8 @@ fn all() -> [(&'static str, EmissionField); 4] {
     ]
 }
 
-fn point_in((low, high): (DVec3, DVec3), rng: &mut Pcg32) -> DVec3 {
-    low + (high - low) * DVec3::from_array([(); 3].map(|()| f64::from(uniform(rng))))
+fn point_in(bounds: Bounds3, rng: &mut Pcg32) -> DVec3 {
+    bounds.at(DVec3::from_array([(); 3].map(|()| f64::from(uniform(rng)))))
 }
 
 fn points(field: &EmissionField, origin: DVec3, d: Vec3, t_max: f64, u: f32) -> Vec<EmissionPoint> {
@@ -162,11 +163,11 @@ fn points_keep_their_promises() {
 fn lines_that_meet_the_field_have_about_eight_points() {
     let mut rng = Pcg32::new(7, 7);
     for (name, field) in all() {
-        let (low, high) = field.bounds_world().unwrap();
+        let Bounds3 { low, high } = field.bounds_world().unwrap();
         let (mut total, mut lines) = (0, 0);
         for i in 0..30_000 {
             let axis = i % 3;
-            let mut p = point_in((low, high), &mut rng);
+            let mut p = point_in(Bounds3::new(low, high), &mut rng);
             p[axis] = low[axis] - 1.0;
             let found = points(&field, p, DVec3::AXES[axis].as_vec3(), 1e9, uniform(&mut rng));
             total += found.len();
@@ -228,7 +229,7 @@ fn a_uniform_ball_in_closed_form() {
         let mut sum = 0.0;
         for _ in 0..2000 {
             // A random line at the distance from the middle.
-            let axis = point_in((DVec3::NEG_ONE, DVec3::ONE), &mut rng).normalize();
+            let axis = point_in(Bounds3::new(DVec3::NEG_ONE, DVec3::ONE), &mut rng).normalize();
             let across = axis.any_orthonormal_vector();
             let p = 0.1 * middle + distance * across - 20.0 * axis;
             let found = points(&field, p, axis.as_vec3(), 1e9, uniform(&mut rng));
@@ -248,7 +249,7 @@ fn integrate(
     mut value: impl FnMut(DVec3) -> f64,
 ) -> f64 {
     let to_index = to_world.inverse();
-    let (low, high) = field.bounds_world().unwrap();
+    let Bounds3 { low, high } = field.bounds_world().unwrap();
     let (low, high) = (to_index.transform_point3(low), to_index.transform_point3(high));
     let cells =
         |axis: usize| (low[axis].round() as i32 * parts)..(high[axis].round() as i32 * parts);
@@ -277,14 +278,14 @@ fn power_is_the_integral() {
 
 /// Points to look from: far, beside, above, and amid the fire.
 fn eyes(field: &EmissionField) -> [DVec3; 4] {
-    let (low, high) = field.bounds_world().unwrap();
+    let Bounds3 { low, high } = field.bounds_world().unwrap();
     let at = |x, y, z| low + (high - low) * DVec3::new(x, y, z);
     [at(30.0, -9.0, 4.0), at(-0.3, 0.1, 0.4), at(0.4, 0.6, 1.7), at(0.5, 0.4, 0.6)]
 }
 
 /// Directions by two numbers in [0, 1), uniform in a cone that holds all of a field, or over the sphere from amid it; and the solid angle.
 fn cone(field: &EmissionField, eye: DVec3) -> (impl Fn(f64, f64) -> Vec3, f64) {
-    let (low, high) = field.bounds_world().unwrap();
+    let Bounds3 { low, high } = field.bounds_world().unwrap();
     let (to, radius) = (0.5 * (low + high) - eye, 0.6 * (high - low).length());
     let least =
         if to.length() > radius { (1.0 - (radius / to.length()).powi(2)).sqrt() } else { -1.0 };
@@ -302,7 +303,7 @@ fn cone(field: &EmissionField, eye: DVec3) -> (impl Fn(f64, f64) -> Vec3, f64) {
 
 /// Extinction of smoke that hides much of a fire.
 fn smoke(field: &EmissionField) -> impl Fn(DVec3) -> f64 + Sync {
-    let (low, high) = field.bounds_world().unwrap();
+    let Bounds3 { low, high } = field.bounds_world().unwrap();
     let size = (high - low).length();
     move |p| (10.0 / size) * (1.0 + (9.0 * (p - low).x / size).sin())
 }
@@ -496,6 +497,6 @@ fn grids_with_other_transforms_meet_in_the_world() {
     let le = 2.0 * blackbody(2000.0, BlackbodyRadiance::Absolute);
     assert!((field.emission(DVec3::new(6.0, 3.0, 3.0)) / le - 1.0).abs().max_element() < 1e-5);
     assert_eq!(field.emission(DVec3::new(3.4, 3.0, 3.0)), Vec3::ZERO);
-    let (low, high) = field.bounds_world().unwrap();
+    let Bounds3 { low, high } = field.bounds_world().unwrap();
     assert!(low.x >= 3.0 - 1e-9 && high.x <= 13.0, "{low} {high}");
 }

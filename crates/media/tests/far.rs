@@ -7,8 +7,9 @@ use pileus_media::phase::CosineGrid;
 use pileus_media::random::uniform;
 use pileus_media::transmittance::{Estimator, optical_depth};
 use pileus_media::{
-    Albedo, ColorGrid, EmissionField, EmissionSource, ExactField, Grey, GridMedium, Interpolation,
-    MajorantStructure, Phase, RayField, Relative, Spectrum, Tally, VoxelGrid, VoxelGridOptions,
+    Albedo, ColorGrid, EmissionField, EmissionSource, ExactField, Grey, Interpolation,
+    MajorantStructure, Medium, Phase, RayField, Relative, Spectrum, Tally, VoxelGrid,
+    VoxelGridOptions,
 };
 use pileus_vdb::{Tile, Tree};
 use rand_pcg::Pcg32;
@@ -49,16 +50,16 @@ fn grid(tree: &Tree<f32>, interpolation: Interpolation) -> Arc<VoxelGrid> {
     Arc::new(VoxelGrid::from_tree(tree, &VoxelGridOptions { interpolation }).unwrap())
 }
 
-fn medium(tree: &Tree<f32>, to_world: DAffine3, interpolation: Interpolation) -> GridMedium {
+fn medium(tree: &Tree<f32>, to_world: DAffine3, interpolation: Interpolation) -> Medium {
     let albedo = Albedo::Constant([0.5; 3]);
-    GridMedium::new(grid(tree, interpolation), to_world, [0.3; 3], albedo, Phase::Isotropic)
+    Medium::from_grid(grid(tree, interpolation), to_world, [0.3; 3], albedo, Phase::Isotropic)
         .unwrap()
 }
 
 /// The integral of extinction over what the walk's segments hand out, by the midpoint rule on its lookups, and its largest excess over the bound.
-fn walked_depth(medium: &GridMedium, origin: DVec3, direction: Vec3) -> f64 {
+fn walked_depth(medium: &Medium, origin: DVec3, direction: Vec3) -> f64 {
     let Some(span) = medium.span(origin, direction, f64::INFINITY) else { return 0.0 };
-    let mut ray = medium.any_ray(&span);
+    let mut ray = medium.any_ray(&span, 1.0);
     let mut depth = 0.0;
     while let Some(segment) = ray.next_segment() {
         let length = segment.t1 - segment.t0;
@@ -142,7 +143,7 @@ fn clouds_far_from_their_corner_are_exact() {
                 let allowed = rule * (1e-3 + 4e-3 * exact);
                 worst_walked = worst_walked.max((walked - exact_walk).abs() / allowed);
                 let span = far.span(at, direction, f64::INFINITY);
-                let depth = span.map_or(0.0, |span| far.any_ray(&span).optical_depth(tally));
+                let depth = span.map_or(0.0, |span| far.any_ray(&span, 1.0).optical_depth(tally));
                 assert!((depth - moved).abs() <= 1e-5 + 1e-4 * exact, "{place:?} {depth} {moved}");
             }
             assert!(worst < 1.0 && worst_walked < 1.0, "{place:?} {worst} {worst_walked}");
@@ -171,7 +172,7 @@ fn clusters_far_apart_on_one_ray() {
             let cloud = optical_depth(&one, DVec3::new(-5.0, y, z), DVec3::X, 0.0, 20.0, tally);
             let exact = 4.0 * cloud + 0.3 * 1e-4 * 2048.0;
             let span = far.span(DVec3::new(start, y, z), d, f64::INFINITY).unwrap();
-            let field = || far.any_ray(&span);
+            let field = || far.any_ray(&span, 1.0);
             let depth = field().optical_depth(tally);
             assert!((depth - exact).abs() < 1e-5 * exact, "{depth} {exact}");
             assert!((walked_depth(&far, DVec3::new(start, y, z), d) - exact).abs() < 2e-3 * exact);
@@ -265,12 +266,16 @@ fn grids_of_other_properties_are_as_exact() {
             FlakeGrid::fibres(&axes(tree), Roughness::Constant(0.1), DAffine3::IDENTITY).unwrap();
         Flakes::new(FlakeShape::Grid(Box::new(grid)), FlakeScattering::Specular, to_world.matrix3)
     };
-    let (near_flakes, far_flakes) = (flakes(&near), flakes(&far));
-    let far = medium(&far, to_world, Interpolation::Trilinear);
+    let of_flakes = |tree: &Tree<f32>| {
+        let (grid, phase) =
+            (grid(tree, Interpolation::Trilinear), Phase::Flakes(Arc::new(flakes(tree))));
+        Medium::from_grid(grid, to_world, [0.3; 3], Albedo::Constant([1.0; 3]), phase).unwrap()
+    };
+    let (near, far) = (of_flakes(&near), of_flakes(&far));
     for (origin, direction) in rays(DVec3::splat(1.1), 1.2, 1e5, 24) {
-        let depth = |medium: &GridMedium, flakes: &Flakes, origin: DVec3| {
+        let depth = |medium: &Medium, origin: DVec3| {
             let Some(span) = medium.span(origin, direction, f64::INFINITY) else { return 0.0 };
-            let mut ray = medium.flake_ray(medium.any_ray(&span), flakes, direction, &span);
+            let mut ray = medium.any_ray(&span, 1.0);
             let mut sum = 0.0;
             while let Some(s) = ray.next_segment() {
                 for i in 0..64 {
@@ -280,8 +285,7 @@ fn grids_of_other_properties_are_as_exact() {
             }
             sum
         };
-        let (a, b) =
-            (depth(&density, &near_flakes, origin), depth(&far, &far_flakes, origin + shift));
+        let (a, b) = (depth(&near, origin), depth(&far, origin + shift));
         assert!((a - b).abs() < 5e-3 * a + 1e-3, "{a} {b}");
     }
 }

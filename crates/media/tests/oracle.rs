@@ -80,11 +80,11 @@ fn trackers_are_unbiased_on_every_ray() {
             }
             let scale = (3.0 / ray.tau).min(20.0) as f32;
             let exact = (-ray.tau * f64::from(scale)).exp();
-            let medium = pileus_media::GridMedium::new(
-                unit.grid().clone(),
+            let medium = pileus_media::Medium::from_grid(
+                unit.grid().unwrap().voxels().clone(),
                 common::read(&path, &grid).1,
                 [scale; 3],
-                unit.albedo().clone(),
+                unit.optics().albedo().clone(),
                 unit.phase().clone(),
             )
             .unwrap();
@@ -99,7 +99,7 @@ fn trackers_are_unbiased_on_every_ray() {
                 .map(|e| (e.name(), e, 0.0))
                 .collect();
             methods.push(("ratio with roulette", Estimator::Ratio, 0.5));
-            let mut walk = medium.any_ray(&span);
+            let mut walk = medium.any_ray(&span, 1.0);
             let mut majorant_depth = 0.0;
             while let Some(segment) = walk.next_segment() {
                 majorant_depth += (segment.t1 - segment.t0) * segment.majorant;
@@ -114,7 +114,7 @@ fn trackers_are_unbiased_on_every_ray() {
                 let (mut sum, mut squares) = (0.0f64, 0.0f64);
                 let samples = if name_of.starts_with("ratio") { SAMPLES } else { SAMPLES / 4 };
                 for _ in 0..samples {
-                    let field = medium.any_ray(&span);
+                    let field = medium.any_ray(&span, 1.0);
                     let x = estimator.estimate(field, Grey, threshold, &mut rng, &mut tally);
                     let x = f64::from(x);
                     sum += x;
@@ -160,7 +160,7 @@ fn exact_inversion_finds_the_depth() {
                 continue;
             };
             let tally = &mut Tally::default();
-            let whole = medium.any_ray(&span).optical_depth(tally);
+            let whole = medium.any_ray(&span, 1.0).optical_depth(tally);
             if whole < 1e-4 {
                 continue;
             }
@@ -169,9 +169,9 @@ fn exact_inversion_finds_the_depth() {
                 "{name} ray {index}: {whole} {}",
                 ray.tau
             );
-            assert_eq!(medium.any_ray(&span).t_at_depth(2.0 * whole, tally), Err(whole));
+            assert_eq!(medium.any_ray(&span, 1.0).t_at_depth(2.0 * whole, tally), Err(whole));
             for share in [0.0, 0.01, 0.5, 0.99, 1.0] {
-                let t = medium.any_ray(&span).t_at_depth(share * whole, tally).unwrap();
+                let t = medium.any_ray(&span, 1.0).t_at_depth(share * whole, tally).unwrap();
                 let end = span.t_enter + f64::from(t);
                 let depth = optical_depth(&medium, origin, ray.direction, 0.0, end, tally);
                 // Single precision in t and in the span.
@@ -201,11 +201,11 @@ fn flights_are_exact_on_every_ray() {
                 continue;
             }
             let scale = (2.0 / ray.tau).min(20.0) as f32;
-            let medium = pileus_media::GridMedium::new(
-                unit.grid().clone(),
+            let medium = pileus_media::Medium::from_grid(
+                unit.grid().unwrap().voxels().clone(),
                 common::read(&path, &grid).1,
                 [scale; 3],
-                unit.albedo().clone(),
+                unit.optics().albedo().clone(),
                 unit.phase().clone(),
             )
             .unwrap();
@@ -223,7 +223,7 @@ fn flights_are_exact_on_every_ray() {
                 .map(|k| {
                     let depth = -(1.0 - f64::from(k) * part).ln();
                     medium
-                        .any_ray(&span)
+                        .any_ray(&span, 1.0)
                         .t_at_depth(depth, &mut Tally::default())
                         .unwrap_or(f32::MAX)
                 })
@@ -239,7 +239,7 @@ fn flights_are_exact_on_every_ray() {
                 let mut tally = Tally::default();
                 let mut counts = [0.0f64; 5];
                 for _ in 0..SAMPLES {
-                    let field = medium.any_ray(&span);
+                    let field = medium.any_ray(&span, 1.0);
                     let flown = sampler.fly(field, Grey, 1.0, None, &mut rng, &mut tally);
                     assert!((flown.weight - 1.0).abs() < 1e-4, "{sampler:?} {flown:?}");
                     let bin = match flown.flight {

@@ -1,6 +1,7 @@
 //! Rays against surfaces: the whole way through both levels, and the two trees of `obvhs` on the
 //! same triangles with the same test. Figures stand in decision 6.
 
+use pileus_math::Bounds3;
 use std::hint::black_box;
 use std::path::Path;
 
@@ -80,9 +81,9 @@ fn glb(triangles: &[[Vec3; 3]]) -> Vec<u8> {
 }
 
 /// Rays of a camera, and rays between random points of the bounds.
-fn rays(bounds: (DVec3, DVec3)) -> [(&'static str, Vec<(DVec3, Vec3)>); 2] {
+fn rays(bounds: Bounds3) -> [(&'static str, Vec<(DVec3, Vec3)>); 2] {
     let mut rng = Pcg64Mcg::seed_from_u64(1);
-    let (middle, size) = ((bounds.0 + bounds.1) * 0.5, bounds.1 - bounds.0);
+    let (middle, size) = (bounds.centre(), bounds.size());
     let eye = middle + DVec3::new(0.3, 0.2, 1.0) * size.length();
     let side = 64;
     let coherent = (0..RAYS)
@@ -128,7 +129,7 @@ fn both_levels(c: &mut Criterion, name: &str, surfaces: &Surfaces) {
 }
 
 /// One level, all in single precision but the test: what the trees themselves cost.
-fn trees(c: &mut Criterion, triangles: &[[Vec3; 3]], bounds: (DVec3, DVec3)) {
+fn trees(c: &mut Criterion, triangles: &[[Vec3; 3]], bounds: Bounds3) {
     let boxes: Vec<Aabb> = triangles
         .iter()
         .map(|t| {

@@ -5,9 +5,10 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use glam::{DAffine3, DVec3};
-use pileus_media::{EmissionField, Medium};
+use pileus_math::Bounds3;
+use pileus_media::EmissionField;
 
-use crate::camera::{Camera, corners};
+use crate::camera::Camera;
 use crate::environment::Environment;
 use crate::error::{Error, Place};
 use crate::gltf::{self, GltfCamera, GltfScene, GltfSurfaces};
@@ -193,14 +194,13 @@ impl Scene {
         self.volumes.iter().filter_map(|volume| volume.emission.as_ref())
     }
 
-    /// Lowest and highest corner of all bounded volumes and surfaces in world space; `None` if
-    /// there are none.
-    pub fn bounds(&self) -> Option<(DVec3, DVec3)> {
+    /// The box in world space that holds all bounded volumes and surfaces; `None` if there are none.
+    pub fn bounds(&self) -> Option<Bounds3> {
         let fires = self.fires().filter_map(|fire| fire.bounds_world());
         let volumes = self.volumes.iter().filter_map(|volume| volume.medium.bounds_world());
         let volumes = volumes.chain(fires);
         let surfaces = self.surfaces.iter().map(|surfaces| surfaces.bounds());
-        volumes.chain(surfaces).reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))
+        volumes.chain(surfaces).reduce(Bounds3::union)
     }
 }
 
@@ -220,12 +220,12 @@ impl Balls {
         /// Share of the densest cell below which a cell does not matter.
         const TRACE: f64 = 0.005;
         let mut balls = Self { centres: Vec::new(), radius: 0.0 };
-        let mut add = |(low, high): (DVec3, DVec3), value: &dyn Fn(DVec3) -> f64| {
-            let cell = (high - low) / f64::from(SIDE);
+        let mut add = |bounds: Bounds3, value: &dyn Fn(DVec3) -> f64| {
+            let cell = bounds.size() / f64::from(SIDE);
             balls.radius = balls.radius.max(cell.length() * 0.5);
             let cells = (0..SIDE.pow(3)).map(|i| {
                 let index = [i % SIDE, i / SIDE % SIDE, i / (SIDE * SIDE)].map(f64::from);
-                low + cell * (DVec3::from_array(index) + 0.5)
+                bounds.low + cell * (DVec3::from_array(index) + 0.5)
             });
             let values: Vec<(DVec3, f64)> = cells.map(|p| (p, value(p))).collect();
             let largest = values.iter().fold(0.0f64, |a, (_, v)| a.max(*v));
@@ -233,7 +233,7 @@ impl Balls {
             let before = balls.centres.len();
             balls.centres.extend(seen.map(|(p, _)| *p));
             if balls.centres.len() == before {
-                balls.centres.extend(corners((low, high)));
+                balls.centres.extend(bounds.corners());
             }
         };
         for volume in volumes {
@@ -242,18 +242,16 @@ impl Balls {
                 add(bounds, &|p| f64::from(emission.emission(p).max_element()));
             }
             // What only gives off light is seen by that alone.
-            let clear = matches!(&*volume.medium, Medium::Grid(medium) if medium.scale() == 0.0);
+            let grid = volume.medium.grid();
+            let clear = grid.is_some_and(|grid| grid.sigma_t_scale() == 0.0);
             if let Some(bounds) = volume.medium.bounds_world()
                 && !(clear && lit.is_some())
             {
-                add(bounds, &|p| match &*volume.medium {
-                    Medium::Grid(medium) => medium.sigma_t_at(p),
-                    Medium::Homogeneous(_) => 0.0,
-                });
+                add(bounds, &|p| grid.map_or(0.0, |grid| grid.sigma_t_at(p)));
             }
         }
         let instances = surfaces.into_iter().flat_map(Surfaces::instance_bounds);
-        balls.centres.extend(instances.flat_map(corners));
+        balls.centres.extend(instances.flat_map(Bounds3::corners));
         (!balls.centres.is_empty()).then_some(balls)
     }
 }

@@ -1,6 +1,7 @@
 //! A pinhole camera that turns points of the film into rays.
 
 use glam::{DAffine3, DVec3, Vec3};
+use pileus_math::Bounds3;
 
 use crate::error::{Error, Place};
 
@@ -90,14 +91,14 @@ impl Camera {
 
     /// A three-quarter view from slightly above that shows a whole box with a small margin.
     ///
-    /// `bounds` are the lowest and highest corner in world space. An empty or flat box is framed
+    /// `bounds` are in world space. An empty or flat box is framed
     /// as if it were a little larger.
     pub fn framing(
-        bounds: (DVec3, DVec3),
+        bounds: Bounds3,
         fov_y_degrees: f64,
         resolution: [u32; 2],
     ) -> Result<Self, Error> {
-        Self::framing_balls(corners(bounds), 0.0, fov_y_degrees, resolution)
+        Self::framing_balls(bounds.corners(), 0.0, fov_y_degrees, resolution)
     }
 
     /// As [`Self::framing`], but shows balls of one radius around points as large as they fit.
@@ -206,14 +207,6 @@ impl Camera {
     }
 }
 
-/// The corners of a box.
-pub(crate) fn corners((low, high): (DVec3, DVec3)) -> impl Iterator<Item = DVec3> {
-    (0..8usize).map(move |i| {
-        let pick = |bit: usize, low: f64, high: f64| if i & bit == 0 { low } else { high };
-        DVec3::new(pick(1, low.x, high.x), pick(2, low.y, high.y), pick(4, low.z, high.z))
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -256,7 +249,7 @@ mod tests {
             (DVec3::splat(-1.0), DVec3::splat(1.0)),
             (DVec3::splat(1e6), DVec3::splat(1e6 + 2.0)),
         ] {
-            let camera = Camera::framing((low, high), 35.0, [480, 270]).unwrap();
+            let camera = Camera::framing(Bounds3::new(low, high), 35.0, [480, 270]).unwrap();
             let (mut inside, mut margin) = (true, f64::INFINITY);
             for corner in 0..8 {
                 let p = DVec3::new(
@@ -270,7 +263,7 @@ mod tests {
             }
             assert!(inside && margin < 25.0, "{margin}");
         }
-        assert!(Camera::framing((DVec3::ZERO, DVec3::ZERO), 35.0, [4, 4]).is_ok());
+        assert!(Camera::framing(Bounds3::new(DVec3::ZERO, DVec3::ZERO), 35.0, [4, 4]).is_ok());
     }
 
     #[test]

@@ -6,8 +6,8 @@ use std::time::Instant;
 
 use glam::DAffine3;
 use pileus_media::{
-    BlackbodyRadiance, ColorRamp, EmissionField, EmissionSource, GridMedium, HOTTEST_KELVIN,
-    Interpolation, VoxelGrid,
+    BlackbodyRadiance, ColorRamp, EmissionField, EmissionSource, HOTTEST_KELVIN, Interpolation,
+    Medium, VoxelGrid,
 };
 use pileus_vdb::{GridClass, GridInfo, ValueType, VdbFile};
 
@@ -26,7 +26,8 @@ pub(crate) struct EmissionParts<'a> {
     pub(crate) interpolation: Interpolation,
     /// Everything after a grid's own transform.
     pub(crate) placement: DAffine3,
-    pub(crate) medium: &'a GridMedium,
+    pub(crate) medium: &'a Medium,
+    pub(crate) density: Arc<VoxelGrid>,
     /// From the index space of the density.
     pub(crate) medium_to_world: DAffine3,
     /// Extinction per channel where the density is 1.
@@ -151,9 +152,9 @@ impl VolumeLoader {
         let grid = self.grid(parts.file, parts.path, index, parts.interpolation, &at_grid)?;
         warn_of_heat(parts.path, name, &grid, scale, offset);
         Ok(EmissionSource::Blackbody {
-            density: parts.medium.grid().clone(),
+            density: parts.density.clone(),
             sigma_t: parts.sigma_t,
-            albedo: parts.medium.albedo().clone(),
+            albedo: parts.medium.optics().albedo().clone(),
             temperature: grid,
             to_temperature: (parts.placement * own).inverse() * parts.medium_to_world,
             kelvin_per_unit: scale,

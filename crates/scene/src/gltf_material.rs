@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use glam::{Vec3, Vec4};
-use pileus_media::elementary::ln;
+use pileus_math::elementary::ln;
 use serde::Deserialize;
 use serde_json::Value;
 

@@ -8,7 +8,7 @@ use glam::{Mat2, Vec2};
 use gltf::json::texture::{MagFilter, Sampler, WrappingMode};
 use gltf::json::validation::Checked;
 use image::{DynamicImage, ImageFormat, ImageReader};
-use pileus_media::elementary::sin_cos_turn;
+use pileus_math::elementary::sin_cos_turn;
 use serde::Deserialize;
 
 use crate::error::Error;

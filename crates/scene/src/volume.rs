@@ -6,15 +6,15 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use glam::{DAffine3, DMat3, DQuat, DVec3};
+use pileus_math::Bounds3;
 use pileus_media::phase::CosineGrid;
 use pileus_media::{
-    Albedo, BuildReport, Clamped, ColorGrid, EmissionField, GridMedium, HomogeneousMedium,
-    Interpolation, Medium, Phase, VoxelGrid, VoxelGridOptions,
+    Albedo, BuildReport, Clamped, ColorGrid, EmissionField, Interpolation, Medium, Phase,
+    VoxelGrid, VoxelGridOptions,
 };
 use pileus_vdb::{GridClass, GridInfo, MetaValue, Tree, ValueType, Values, VdbFile};
 
 use crate::by_name::ByName;
-use crate::camera::corners;
 use crate::emission::EmissionParts;
 use crate::error::{Error, Place};
 use crate::flakes::FlakeGrids;
@@ -204,9 +204,9 @@ impl VolumeLoader {
         }
         let build = grid.report().clone();
         let sigma_t = extinction.map(|e| (e * scale) as f32);
-        let medium = GridMedium::new(grid, index_to_world, sigma_t, albedo, phase)
+        let medium = Medium::from_grid(grid.clone(), index_to_world, sigma_t, albedo, phase)
             .map_err(|source| Error::medium(place(""), source))?
-            .with_law(law);
+            .with_transmittance_function(law);
         let emission = match spec.emission.as_ref().or(fire.as_ref()) {
             None => None,
             Some(emission) => {
@@ -218,6 +218,7 @@ impl VolumeLoader {
                     interpolation,
                     placement,
                     medium: &medium,
+                    density: grid,
                     medium_to_world: index_to_world,
                     sigma_t,
                 };
@@ -226,7 +227,7 @@ impl VolumeLoader {
         };
         Ok(Volume {
             name: name(request),
-            medium: Arc::new(Medium::Grid(medium)),
+            medium: Arc::new(medium),
             emission,
             source: VolumeSource::Vdb {
                 grid: info.full_name(),
@@ -256,7 +257,7 @@ impl VolumeLoader {
             .iter()
             .take(8)
             .map(|info| match box_by_metadata(info) {
-                Some((low, high)) => {
+                Some(Bounds3 { low, high }) => {
                     format!("`{}` from {low:.3} to {high:.3}", info.full_name())
                 }
                 None => format!("`{}`", info.full_name()),
@@ -293,8 +294,7 @@ impl VolumeLoader {
         let (Some(bounds), Ok(matrix)) = (grid.bounds_index(), info.transform.matrix()) else {
             return;
         };
-        let (low, high) = box_around(bounds, &affine(matrix));
-        let DVec3 { x, y, z } = high - low;
+        let DVec3 { x, y, z } = Bounds3::moved(bounds, &affine(matrix)).size();
         // Clouds are wide along any axis; what is tall is about as wide as deep.
         let tall = z > 1.1 * x.max(y) && x.max(y) < 1.6 * x.min(y);
         let lies =
@@ -686,21 +686,23 @@ fn load_homogeneous(
     let bounds = homogeneous.bounds.map(|bounds| bounds.map(DVec3::from_array));
     let bounds = match bounds {
         None => None,
-        Some([low, high]) => Some(move_box((low, high), placement).ok_or_else(|| {
-            Error::unsupported(
-                place("/homogeneous/bounds"),
-                "the box of a homogeneous volume is turned by its transform",
-                "only translation and scale are possible: boxes stay parallel to the axes",
-            )
-        })?),
+        Some([low, high]) => {
+            Some(move_box(Bounds3::new(low, high), placement).ok_or_else(|| {
+                Error::unsupported(
+                    place("/homogeneous/bounds"),
+                    "the box of a homogeneous volume is turned by its transform",
+                    "only translation and scale are possible: boxes stay parallel to the axes",
+                )
+            })?)
+        }
     };
     let sigma_t = extinction.map(|e| (e * homogeneous.sigma_t) as f32);
-    let medium = HomogeneousMedium::new(sigma_t, bounds, albedo, phase)
+    let medium = Medium::homogeneous(sigma_t, bounds, albedo, phase)
         .map_err(|source| Error::medium(place("/homogeneous"), source))?
-        .with_law(law);
+        .with_transmittance_function(law);
     Ok(Volume {
         name: name(request),
-        medium: Arc::new(Medium::Homogeneous(medium)),
+        medium: Arc::new(medium),
         emission: None,
         source: VolumeSource::Homogeneous,
     })
@@ -716,7 +718,7 @@ fn name(request: &VolumeRequest<'_>) -> String {
 }
 
 /// A box moved by a transform that keeps it parallel to the axes; `None` for any other transform.
-fn move_box(bounds: (DVec3, DVec3), transform: &DAffine3) -> Option<(DVec3, DVec3)> {
+fn move_box(bounds: Bounds3, transform: &DAffine3) -> Option<Bounds3> {
     let matrix = transform.matrix3;
     let largest = matrix.to_cols_array().into_iter().fold(0.0f64, |a, v| a.max(v.abs()));
     for column in [matrix.x_axis, matrix.y_axis, matrix.z_axis] {
@@ -725,8 +727,7 @@ fn move_box(bounds: (DVec3, DVec3), transform: &DAffine3) -> Option<(DVec3, DVec
             return None;
         }
     }
-    let (a, b) = (transform.transform_point3(bounds.0), transform.transform_point3(bounds.1));
-    Some((a.min(b), a.max(b)))
+    Some(Bounds3::of_points([bounds.low, bounds.high].map(|p| transform.transform_point3(p))))
 }
 
 /// What to do where it is not clear which grid is the density: what the remedy of that error begins
@@ -812,21 +813,13 @@ fn describe(info: &GridInfo) -> String {
 }
 
 /// The box of a grid's active voxels in the file's world, by what its metadata say.
-fn box_by_metadata(info: &GridInfo) -> Option<(DVec3, DVec3)> {
+fn box_by_metadata(info: &GridInfo) -> Option<Bounds3> {
     let corner = |name: &str| match info.metadata.get(name) {
         Some(MetaValue::Vec3i(corner)) => Some(DVec3::from_array(corner.map(f64::from))),
         _ => None,
     };
     let (low, high) = (corner("file_bbox_min")?, corner("file_bbox_max")?);
-    Some(box_around((low, high), &affine(info.transform.matrix().ok()?)))
-}
-
-/// The box parallel to the axes around a box that was moved.
-fn box_around(bounds: (DVec3, DVec3), transform: &DAffine3) -> (DVec3, DVec3) {
-    let around = |(low, high): (DVec3, DVec3), corner: DVec3| (low.min(corner), high.max(corner));
-    corners(bounds)
-        .map(|corner| transform.transform_point3(corner))
-        .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), around)
+    Some(Bounds3::new(low, high).moved(&affine(info.transform.matrix().ok()?)))
 }
 
 /// Row vectors as OpenVDB writes them, `world = [i, j, k, 1] * M`, to an affine transform.
@@ -943,9 +936,9 @@ fn median_depth(
     const SIDE: usize = 16;
     let albedo = Albedo::Constant([1.0; 3]);
     let medium =
-        GridMedium::new(grid.clone(), *index_to_world, [1.0; 3], albedo, Phase::Isotropic)?;
-    let Some((low, high)) = medium.bounds_world() else { return Ok(0.0) };
-    let size = high - low;
+        Medium::from_grid(grid.clone(), *index_to_world, [1.0; 3], albedo, Phase::Isotropic)?;
+    let Some(bounds) = medium.bounds_world() else { return Ok(0.0) };
+    let size = bounds.size();
     let mut depths = Vec::with_capacity(3 * SIDE * SIDE);
     for axis in 0..3 {
         let along = DVec3::AXES[axis];
@@ -957,7 +950,7 @@ fn median_depth(
             let mut tally = pileus_media::Tally::default();
             depths.push(pileus_media::optical_depth(
                 &medium,
-                low + size * offset,
+                bounds.low + size * offset,
                 along,
                 0.0,
                 length,

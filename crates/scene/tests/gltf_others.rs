@@ -1,5 +1,6 @@
 //! glTF as others write it: what exporters, converters and people make of the format.
 
+use pileus_media::Bounds3;
 use std::path::{Path, PathBuf};
 
 use base64::Engine;
@@ -523,7 +524,7 @@ fn skins_and_morph_targets_stand_at_rest() {
                 posed(&joints, *corner + shift * 0.5)
             })
             .collect();
-        let (low, high) = surfaces.bounds();
+        let Bounds3 { low, high } = surfaces.bounds();
         let around =
             |pick: fn(DVec3, DVec3) -> DVec3| expected.iter().copied().reduce(pick).unwrap();
         // Weights in bytes are off by half a step.
@@ -922,7 +923,7 @@ fn grids_of_one_name_and_files_with_z_up_are_said() {
     };
     let again = load(fire.clone(), written);
     let again = again.scene.volumes[0].emission.as_ref().unwrap();
-    let (low, high) = emission.bounds_world().unwrap();
+    let Bounds3 { low, high } = emission.bounds_world().unwrap();
     let middle = (low + high) * 0.5;
     assert!(emission.emission(middle).max_element() > 0.0);
     assert_eq!(emission.emission(middle), again.emission(middle));

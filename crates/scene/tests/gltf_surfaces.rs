@@ -1,5 +1,6 @@
 //! Surfaces out of glTF files: every way to store them, every way to break them.
 
+use pileus_media::Bounds3;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
@@ -153,7 +154,7 @@ fn studio_and_fire_have_their_surfaces() {
         assert!((lamp.radiance - Vec3::new(30.0, 25.5, 18.0)).length() < 1e-3, "{lamp:?}");
         assert!(lamp.two_sided && (lamp.normal - Vec3::NEG_Y).length() < 1e-5);
         let area: f64 = surfaces.emitters().iter().map(|e| e.area).sum();
-        let (low, high) = surfaces.instance_bounds().nth(4).unwrap();
+        let Bounds3 { low, high } = surfaces.instance_bounds().nth(4).unwrap();
         assert!((area - (high.x - low.x) * (high.z - low.z)).abs() < 1e-5);
         // The glass ball is closed, so that it is a body; by the letter it is a thin wall.
         assert!(surfaces.mesh_is_closed(3) && !surfaces.mesh_is_closed(0));
@@ -364,7 +365,7 @@ fn sparse_accessors_replace_elements() {
     file.accessors[base] = file.accessors[base].replace('}', &format!("{sparse}}}"));
     let more = one(r#""POSITION":0"#, r#","mode":6"#, "");
     let found = surfaces(&file.gltf(&more));
-    let (low, high) = found.bounds();
+    let Bounds3 { low, high } = found.bounds();
     assert!(
         (low - DVec3::ZERO).length() < 1e-9 && (high - DVec3::new(3.0, 5.0, 0.0)).length() < 1e-9
     );
@@ -834,7 +835,7 @@ fn mutants_never_panic() {
                 Ok((_, found)) => {
                     loaded += 1;
                     let Some(surfaces) = found.surfaces else { continue };
-                    let (low, high) = surfaces.bounds();
+                    let Bounds3 { low, high } = surfaces.bounds();
                     let to = low + (high - low) * 0.5;
                     for along in [Vec3::NEG_Z, Vec3::new(0.3, -0.9, 0.2).normalize()] {
                         let origin = to - along.as_dvec3() * 10.0;

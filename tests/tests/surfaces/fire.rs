@@ -4,7 +4,7 @@ use crate::{floor, floor_scene};
 use glam::{DAffine3, DVec3, Vec3};
 use pileus_integrator::{LightSampling, RenderSettings};
 use pileus_media::{
-    Albedo, EmissionField, EmissionSource, GridMedium, Interpolation, Medium, Phase, VoxelGrid,
+    Albedo, EmissionField, EmissionSource, Interpolation, Medium, Phase, VoxelGrid,
     VoxelGridOptions,
 };
 use pileus_scene::{Scene, Volume, VolumeSource};
@@ -68,7 +68,7 @@ fn ball(centre: DVec3, radius: f64, sigma_t: f32, albedo: f32, color: [f32; 3]) 
     let index_to_world = DAffine3::from_translation(centre)
         * DAffine3::from_scale(DVec3::splat(radius / 15.0))
         * DAffine3::from_translation(DVec3::splat(-15.5));
-    let medium = GridMedium::new(
+    let medium = Medium::from_grid(
         Arc::clone(&grid),
         index_to_world,
         [sigma_t; 3],
@@ -78,7 +78,7 @@ fn ball(centre: DVec3, radius: f64, sigma_t: f32, albedo: f32, color: [f32; 3]) 
     let source = EmissionSource::Grid { grid, color };
     Volume {
         name: "ball".into(),
-        medium: Arc::new(Medium::Grid(medium.unwrap())),
+        medium: Arc::new(medium.unwrap()),
         emission: Some(Arc::new(EmissionField::new(source, index_to_world).unwrap())),
         source: VolumeSource::Homogeneous,
     }

@@ -5,7 +5,7 @@
 //! heuristic over channels [Miller et al. 2019, section 5.3]: no channel's weight exceeds the number of channels.
 
 use glam::{DVec3, Vec3};
-use pileus_media::elementary::exp;
+use pileus_math::elementary::exp;
 use pileus_media::random::{exponential, uniform};
 use pileus_scene::{Interaction, Interior, Surfaces};
 use rand_core::Rng;

@@ -4,6 +4,7 @@
 //! scatters included. The density of the mixture is known, so that nothing else needs weights.
 
 use glam::{DVec3, Vec3};
+use pileus_math::Bounds3;
 use pileus_media::phase::ISOTROPIC;
 use pileus_media::{EmissionDirections, EmissionView};
 use pileus_scene::{Scene, Volume};
@@ -44,18 +45,18 @@ pub(crate) struct EmissionMixture {
 impl EmissiveVolume {
     /// An emissive volume seen through all volumes of a scene; `None` if nothing emits.
     fn new(scene: &Scene, field: &pileus_media::EmissionField) -> Option<EmissiveVolume> {
-        let (low, high) = field.bounds_world()?;
+        let Bounds3 { low, high } = field.bounds_world()?;
         // Somewhat more than the volume, as the tables are.
         let more = high - low;
         let near = |volume: &&Volume| {
-            volume.medium.bounds_world().is_none_or(|(from, to)| {
+            volume.medium.bounds_world().is_none_or(|Bounds3 { low: from, high: to }| {
                 from.cmple(high + more).all() && to.cmpge(low - more).all()
             })
         };
         let media: Vec<_> = scene.volumes.iter().filter(near).map(|v| &v.medium).collect();
         let mean: Vec<f64> = media
             .iter()
-            .map(|medium| f64::from(medium.relative_extinction().element_sum()) / 3.0)
+            .map(|medium| f64::from(medium.chromatic_ratio().element_sum()) / 3.0)
             .collect();
         let sigma_t = |p: DVec3| {
             media.iter().zip(&mean).map(|(medium, mean)| mean * medium.sigma_t_at(p)).sum()

@@ -8,7 +8,7 @@ pub(crate) use emissive_volumes::{EmissionMixture, EmissiveVolumes};
 use crate::kernel::luminance;
 use crate::settings::LightSampling;
 use glam::{DVec3, Vec3};
-use pileus_media::elementary::sin_cos_turn;
+use pileus_math::elementary::sin_cos_turn;
 use pileus_media::phase::ISOTROPIC;
 use pileus_media::random::uniform;
 use pileus_scene::{EnvironmentImage, Light, Scene, Surfaces};
@@ -188,7 +188,7 @@ impl Disc {
         let one_minus = u[0] * self.one_minus_cos;
         let sin = (one_minus * (2.0 - one_minus)).sqrt();
         let (sin_phi, cos_phi) = sin_cos_turn(u[1]);
-        let (x, y) = pileus_media::phase::basis(self.to_light);
+        let (x, y) = pileus_math::basis(self.to_light);
         (self.to_light * (1.0 - one_minus) + x * (sin * cos_phi) + y * (sin * sin_phi)).normalize()
     }
 }

@@ -1,10 +1,10 @@
 //! Tentative collisions along a ray, in order: of one medium, or of all media that the ray meets.
 
 use super::Collision;
-use super::entry::{AnyRay, Entry};
+use super::entry::Entry;
 use glam::Vec3;
-use pileus_media::random::exponential;
-use pileus_media::{RayField, Scaled, Tally, Tentative, TentativeCollisions};
+use pileus_math::random::exponential;
+use pileus_media::{AnyRay, RayField, Tally, Tentative, TentativeCollisions};
 use rand_core::Rng;
 use smallvec::SmallVec;
 
@@ -51,18 +51,6 @@ pub(crate) struct OneMedium<F> {
     pub(crate) weighted: bool,
 }
 
-#[inline(always)]
-fn lookup<F: RayField>(
-    walk: &TentativeCollisions<F>,
-    tentative: Tentative,
-    tally: &mut Tally,
-) -> f32 {
-    let sigma_t = walk.sigma_t(tentative);
-    tally.lookups += 1;
-    tally.violations += u64::from(sigma_t > tentative.majorant);
-    sigma_t
-}
-
 impl<F: RayField> Collisions for OneMedium<F> {
     const ONE_MEDIUM: bool = true;
 
@@ -78,7 +66,7 @@ impl<F: RayField> Collisions for OneMedium<F> {
 
     #[inline(always)]
     fn sigma_t(&self, tentative: Tentative, tally: &mut Tally) -> f32 {
-        lookup(&self.walk, tentative, tally)
+        self.walk.sigma_t(tentative, tally)
     }
 
     #[inline(always)]
@@ -115,7 +103,7 @@ impl<F: RayField> Collisions for OneMedium<F> {
 
 /// A medium that a ray has come to, with its next tentative collision.
 struct Walker<'a> {
-    medium: OneMedium<Scaled<AnyRay<'a>>>,
+    medium: OneMedium<AnyRay<'a>>,
     next: Option<Tentative>,
     /// Where on the ray; infinite if there is none.
     t: f64,
@@ -159,7 +147,7 @@ impl<'a> ManyMedia<'a> {
     }
 
     #[inline(always)]
-    fn last(&self) -> &OneMedium<Scaled<AnyRay<'a>>> {
+    fn last(&self) -> &OneMedium<AnyRay<'a>> {
         // A collision has been handed out before anything is asked of it.
         &self.walkers[self.last.unwrap_or(0)].medium
     }

@@ -8,6 +8,7 @@ use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::builder::build_bvh2;
 use obvhs::{Boundable, BvhBuildParams};
+use pileus_math::Bounds3;
 use pileus_media::Medium;
 use smallvec::SmallVec;
 use std::fmt;
@@ -94,8 +95,8 @@ impl MediaIndex {
     pub(crate) fn new(media: &[Arc<Medium>]) -> MediaIndex {
         let number = |i: usize| u32::try_from(i).unwrap_or(u32::MAX);
         let special = media.iter().any(|medium| is_special(medium));
-        let homogeneous = media.iter().any(|m| matches!(**m, Medium::Homogeneous(_)));
-        let non_exponential = media.iter().any(|medium| medium.law().is_some());
+        let homogeneous = media.iter().any(|m| m.homogeneous_box().is_some());
+        let non_exponential = media.iter().any(|medium| medium.transmittance_function().is_some());
         let walks: Vec<Walk> = media.iter().map(|medium| walk_of(medium)).collect();
         let with = |always, near, boxes| MediaIndex {
             always,
@@ -112,11 +113,11 @@ impl MediaIndex {
             let mut near = Vec::new();
             for (i, medium) in media.iter().enumerate() {
                 let (low, high) = match medium.bounds_world() {
-                    Some((low, high)) => {
+                    Some(Bounds3 { low, high }) => {
                         let padding = PADDING * (high - low).max_element();
                         (low - padding, high + padding)
                     }
-                    None if matches!(**medium, Medium::Homogeneous(_)) => everywhere,
+                    None if medium.homogeneous_box().is_some() => everywhere,
                     // An empty grid.
                     None => continue,
                 };
@@ -135,19 +136,19 @@ impl MediaIndex {
         for (i, medium) in media.iter().enumerate() {
             match medium.bounds_world() {
                 Some(bounds) => bounded.push((number(i), bounds)),
-                None if matches!(**medium, Medium::Homogeneous(_)) => always.push(number(i)),
+                None if medium.homogeneous_box().is_some() => always.push(number(i)),
                 // An empty grid.
                 None => {}
             }
         }
-        let all = bounded.iter().map(|(_, b)| *b).reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)));
-        let Some((low, high)) = all else {
+        let all = bounded.iter().map(|(_, b)| *b).reduce(Bounds3::union);
+        let Some(Bounds3 { low, high }) = all else {
             return with(always, Vec::new(), None);
         };
         let (centre, padding) = (0.5 * (low + high), PADDING * (high - low).max_element());
         let boxes: Vec<Padded> = bounded
             .iter()
-            .map(|(_, (low, high))| {
+            .map(|(_, Bounds3 { low, high })| {
                 let corner = |p: DVec3| Vec3A::from((p - centre).as_vec3());
                 Padded(Aabb::new(corner(*low - padding), corner(*high + padding)))
             })
@@ -291,7 +292,7 @@ mod tests {
     use super::*;
     use glam::Vec3;
     use pileus_media::random::uniform;
-    use pileus_media::{HomogeneousMedium, Phase};
+    use pileus_media::{Medium, Phase};
     use rand_pcg::Pcg32;
 
     fn boxes(n: usize, spread: f64, size: f64, offset: DVec3, rng: &mut Pcg32) -> Vec<Arc<Medium>> {
@@ -299,10 +300,9 @@ mod tests {
         (0..n)
             .map(|_| {
                 let low = offset + DVec3::new(u(rng), u(rng), u(rng)) * spread;
-                let bounds = Some((low, low + size * (0.1 + u(rng))));
+                let bounds = Bounds3::new(low, low + size * (0.1 + u(rng)));
                 let phase = Phase::Isotropic;
-                let medium = HomogeneousMedium::new([1.0; 3], bounds, [0.5; 3], phase).unwrap();
-                Arc::new(Medium::Homogeneous(medium))
+                Arc::new(Medium::homogeneous([1.0; 3], Some(bounds), [0.5; 3], phase).unwrap())
             })
             .collect()
     }
@@ -315,14 +315,14 @@ mod tests {
         for (spread, size) in [(10.0, 1.0), (1e4, 1e-2), (1.0, 3.0), (1e6, 1e5)] {
             for offset in [DVec3::ZERO, DVec3::splat(1e6), DVec3::new(-3e7, 0.0, 5.0)] {
                 let mut media = boxes(150, spread, size, offset, &mut rng);
-                let fog = HomogeneousMedium::new([0.1; 3], None, [0.5; 3], Phase::Isotropic);
-                media.push(Arc::new(Medium::Homogeneous(fog.unwrap())));
+                let fog = Medium::homogeneous([0.1; 3], None, [0.5; 3], Phase::Isotropic);
+                media.push(Arc::new(fog.unwrap()));
                 let index = MediaIndex::new(&media);
                 let mut hits = 0;
                 for kind in 0..4000 {
                     let mut at = || {
                         let target = &media[(uniform(&mut rng) * 150.0) as usize];
-                        let (low, high) = target.bounds_world().unwrap();
+                        let Bounds3 { low, high } = target.bounds_world().unwrap();
                         let u = DVec3::new(0.0, 0.0, 0.0).map(|_| f64::from(uniform(&mut rng)));
                         low + (high - low) * u
                     };
@@ -339,7 +339,6 @@ mod tests {
                     let ray = Ray { origin, direction };
                     let met = index.along(&ray, t_max);
                     for (i, medium) in media.iter().enumerate() {
-                        let Medium::Homogeneous(medium) = &**medium else { unreachable!() };
                         if medium.span(origin, direction, t_max).is_some() {
                             hits += 1;
                             assert_eq!(met.iter().filter(|m| **m == i as u32).count(), 1);

@@ -14,17 +14,17 @@ use super::entry::{Entry, passage};
 use super::index::{AtMostOne, MetMedia, Walk};
 use super::{Collision, FlightEnd, Media, MediaIndex, Methods, Ray, RaySegment, Shadow};
 use glam::{DVec3, Vec3};
+use pileus_math::random::exponential;
 use pileus_media::distance::{
     DistanceSampler, Flight, WeightedFlight, regular_flight, regular_flight_under_law,
 };
 use pileus_media::law::{Law, Passage};
-use pileus_media::random::exponential;
 use pileus_media::transmittance::{
     Estimator, RatioEstimate, Telescope, debiased_under_law, exact_under_law,
     ratio_tracking_with_roulette,
 };
 use pileus_media::{
-    Channels, FieldKernel, Grey, GridMedium, Medium, PhaseAt, RayField, Relative, Spectrum, Tally,
+    Channels, ExactField, FieldKernel, Grey, Medium, PhaseAt, Relative, Span, Spectrum, Tally,
     TentativeCollisions,
 };
 use rand_core::Rng;
@@ -50,28 +50,25 @@ type Entries<'a> = SmallVec<[Entry<'a>; 4]>;
 
 /// Transmittance of a grey homogeneous medium up to `t_max`: closed form; `None` for other media.
 fn closed_form(medium: &Medium, ray: &Ray, t_max: f64) -> Option<f32> {
-    let Medium::Homogeneous(medium) = medium else {
-        return None;
-    };
-    if !medium.is_grey() || medium.law().is_some() {
+    let shape = medium.homogeneous_box()?;
+    if !medium.is_grey() || medium.transmittance_function().is_some() {
         return None;
     }
-    let length = medium.span(ray.origin, ray.direction, t_max).map_or(0.0, |(_, length)| length);
+    let span = shape.span(ray.origin, ray.direction, t_max);
+    let length = span.map_or(0.0, |span| span.length);
     let shown = medium.phase().flakes().map_or(1.0, |flakes| flakes.largest_area(ray.direction));
-    let tau = f64::from(medium.scale() * shown) * f64::from(length);
+    let tau = f64::from(shape.sigma_t() * shown) * f64::from(length);
     // 0 x infinity: no extinction in all space.
     Some(if tau.is_nan() { 1.0 } else { libm::exp(-tau) as f32 })
 }
 
 /// Whether a ray never leaves a medium that differs per channel: without end, transmittance is zero or one.
 fn endless(medium: &Medium, ray: &Ray, t_max: f64) -> bool {
-    let Medium::Homogeneous(medium) = medium else {
+    let Some(shape) = medium.homogeneous_box() else {
         return false;
     };
-    !medium.is_grey()
-        && medium
-            .span(ray.origin, ray.direction, t_max)
-            .is_some_and(|(_, length)| length == f32::INFINITY)
+    let endless = |span: Span| span.length == f32::INFINITY;
+    !medium.is_grey() && shape.span(ray.origin, ray.direction, t_max).is_some_and(endless)
 }
 
 /// Optical depth of the strongest channel, and its extinction over the weakest one's, above which a
@@ -82,8 +79,8 @@ const MAX_WALKED_DEPTH: f64 = 256.0;
 /// walk.
 pub(super) fn is_uneven(medium: &Medium) -> bool {
     let uneven = |s: f32| s > 0.0 && f64::from(s) * MAX_WALKED_DEPTH < 1.0;
-    let ratio = medium.relative_extinction();
-    matches!(medium, Medium::Homogeneous(_)) && ratio.to_array().into_iter().any(uneven)
+    let ratio = medium.chromatic_ratio();
+    medium.homogeneous_box().is_some() && ratio.to_array().into_iter().any(uneven)
 }
 
 /// The strongest channel's optical depth of a segment through a homogeneous medium whose channels
@@ -94,23 +91,22 @@ fn too_long_to_walk(medium: &Medium, ray: &Ray, t_max: f64) -> Option<f64> {
     if !is_uneven(medium) {
         return None;
     }
-    let Medium::Homogeneous(medium) = medium else {
-        return None;
-    };
-    let (_, length) = medium.span(ray.origin, ray.direction, t_max)?;
+    let shape = medium.homogeneous_box()?;
+    let length = shape.span(ray.origin, ray.direction, t_max)?.length;
     let shown = medium.phase().flakes().map_or(1.0, |flakes| flakes.largest_area(ray.direction));
-    let depth = f64::from(medium.scale() * shown) * f64::from(length);
+    let depth = f64::from(shape.sigma_t() * shown) * f64::from(length);
     (depth > MAX_WALKED_DEPTH).then_some(depth)
 }
 
 /// Whether a medium's flights and shadow rays run on a drawn rate: homogeneous media have closed forms.
 fn runs_on_rates(medium: &Medium, law: &Law) -> bool {
-    matches!(medium, Medium::Grid(_)) && law.is_mixture_of_exponentials()
+    medium.grid().is_some() && law.is_mixture_of_exponentials()
 }
 
 /// Whether flights through a medium invert its optical depth whatever the plan's methods are.
 pub(crate) fn flies_by_depth(medium: &Medium) -> bool {
-    is_uneven(medium) || medium.law().is_some_and(|law| !runs_on_rates(medium, law))
+    is_uneven(medium)
+        || medium.transmittance_function().is_some_and(|law| !runs_on_rates(medium, law))
 }
 
 /// Whether a medium has no exact depths, so that it is walked whatever the plan's methods are.
@@ -120,17 +116,16 @@ pub(super) fn has_to_be_walked(medium: &Medium) -> bool {
 
 /// What a medium needs of a flight.
 pub(super) fn walk_of(medium: &Medium) -> Walk {
-    match (medium, medium.law()) {
-        _ if medium.phase().flakes().is_some() => Walk::Other,
-        (Medium::Grid(_), None) => Walk::Grid,
-        (Medium::Grid(_), Some(law)) if runs_on_rates(medium, law) => Walk::GridOnRates,
+    match (medium.default_grid(), medium.transmittance_function()) {
+        (Some(_), None) => Walk::Grid,
+        (Some(_), Some(law)) if runs_on_rates(medium, law) => Walk::GridOnRates,
         _ => Walk::Other,
     }
 }
 
 /// Whether a medium of a list may need a flight of its own, or a rate.
 pub(super) fn is_special(medium: &Medium) -> bool {
-    medium.law().is_some() || is_uneven(medium)
+    medium.transmittance_function().is_some() || is_uneven(medium)
 }
 
 /// A flight through one field by tentative collisions.
@@ -150,7 +145,7 @@ impl<C: ChannelMode, R: Rng + Clone> FieldKernel for FlyThrough<'_, C, R> {
     type Output = bool;
 
     #[inline(always)]
-    fn run<F: RayField>(self, field: F) -> bool {
+    fn run<F: ExactField>(self, field: F) -> bool {
         let (medium, t_enter) = self.place;
         let (walk, decision) = match self.first {
             Some([depth, u]) => (TentativeCollisions::with_first(field, depth), Some(u)),
@@ -179,7 +174,7 @@ impl<C: Channels, R: Rng + Clone> FieldKernel for ShadowThrough<'_, C, R> {
     type Output = RatioEstimate<C::Value>;
 
     #[inline(always)]
-    fn run<F: RayField>(self, field: F) -> RatioEstimate<C::Value> {
+    fn run<F: ExactField>(self, field: F) -> RatioEstimate<C::Value> {
         let ShadowThrough { channels, threshold, .. } = self;
         let walk = TentativeCollisions::new(field);
         // As in flights.
@@ -207,40 +202,41 @@ impl<'a, C: ChannelMode> Merged<'a, C> {
     /// Whether shadow rays walk a medium by the same collisions as flights, so that null decisions belong into weights.
     #[inline(always)]
     fn weighs(&self, medium: &Medium, ray: &Ray, t_max: f64) -> bool {
-        let grey = C::GREY || medium.relative_extinction() == Vec3::ONE;
+        let grey = C::GREY || medium.chromatic_ratio() == Vec3::ONE;
         self.weighs[usize::from(grey)]
             && (grey || !endless(medium, ray, t_max))
-            && medium.law().is_none()
+            && medium.transmittance_function().is_none()
     }
 
     /// Flies through a grid that no other medium overlaps, as the kernels of one grid do; whether no channel is under way behind it.
     #[inline(always)]
     fn fly_through_grid<R: Rng + Clone>(
         &self,
-        (number, grid): (usize, &GridMedium),
+        number: usize,
         segment: &RaySegment<'_>,
         flight: &mut C::Flight,
         first: Option<[f32; 2]>,
         (rng, tally): (&mut R, &mut Tally),
     ) -> bool {
-        let (channels, ratio) = (self.channels, grid.relative_extinction());
+        let medium = &*self.media[number];
+        let (channels, ratio) = (self.channels, medium.chromatic_ratio());
         let share = if C::GREY { 1.0 } else { channels.share(flight, ratio) };
         // Clear for all channels under way.
         if !C::GREY && share <= 0.0 {
             return false;
         }
         let RaySegment { ray, start, t_max } = *segment;
-        let Some(span) = grid.span(ray.origin, ray.direction, t_max) else { return false };
+        let Some(span) = medium.span(ray.origin, ray.direction, t_max) else { return false };
         let mut weighted = self.weighs[usize::from(C::GREY || ratio == Vec3::ONE)];
         let mut rate = 1.0;
-        if let Some(law) = grid.law() {
+        if let Some(law) = medium.transmittance_function() {
             weighted = false;
             rate = passage(law, start, number).rate(rng).unwrap_or(1.0);
         }
         let ratio = if C::GREY { Vec3::ONE } else { ratio / share };
         let place = (number, span.t_enter);
         let kernel = FlyThrough { channels, flight, first, place, ratio, weighted, rng, tally };
-        grid.with_ray(&span, share * rate, kernel)
+        medium.with_ray(&span, share * rate, kernel)
     }
 
     /// Flies through one medium that no other overlaps; whether no channel is under way behind it.
@@ -334,7 +330,7 @@ impl<'a, C: ChannelMode> Merged<'a, C> {
         for mut entry in entries {
             let number = entry.medium();
             let medium = &*self.media[number];
-            let own = match medium.law() {
+            let own = match medium.transmittance_function() {
                 Some(law) if runs_on_rates(medium, law) => {
                     entry.draw_rate(passage(law, start, number), rng);
                     None
@@ -394,7 +390,7 @@ impl<'a, C: ChannelMode> Merged<'a, C> {
                 sampler => sampler,
             };
             let first = first.take();
-            let passage = medium.law().map(|law| passage(law, start, number));
+            let passage = medium.transmittance_function().map(|law| passage(law, start, number));
             let by_depth = match passage {
                 Some(passage) => {
                     let exact = sampler == DistanceSampler::Regular;
@@ -481,25 +477,22 @@ impl<'a, C: ChannelMode> Merged<'a, C> {
         (rng, tally): (&mut R, &mut Tally),
     ) -> Shadow {
         let medium = &*self.media[number];
-        let ratio = medium.relative_extinction();
+        let ratio = medium.chromatic_ratio();
         let grey = C::GREY || ratio == Vec3::ONE;
-        if self.by_ratio()
-            && self.index.walks[number] != Walk::Other
-            && let Medium::Grid(grid) = medium
-        {
+        if self.by_ratio() && self.index.walks[number] != Walk::Other {
             let RaySegment { ray, start, t_max } = *segment;
-            let Some(span) = grid.span(ray.origin, ray.direction, t_max) else {
+            let Some(span) = medium.span(ray.origin, ray.direction, t_max) else {
                 return Shadow::CLEAR;
             };
             let mut known = self.weighs[usize::from(grey)];
             let mut rate = 1.0;
-            if let Some(law) = grid.law() {
+            if let Some(law) = medium.transmittance_function() {
                 known = false;
                 rate = passage(law, start, number).rate(rng).unwrap_or(1.0);
             }
             if grey {
                 let kernel = ShadowThrough { channels: Grey, threshold, rng, tally };
-                let estimate = grid.with_ray(&span, rate, kernel);
+                let estimate = medium.with_ray(&span, rate, kernel);
                 let nulls = if known { estimate.null_probability } else { 1.0 };
                 return Shadow {
                     transmittance: Vec3::splat(estimate.transmittance),
@@ -510,7 +503,7 @@ impl<'a, C: ChannelMode> Merged<'a, C> {
                 return Shadow::CLEAR;
             };
             let kernel = ShadowThrough { channels: Relative(ratios), threshold, rng, tally };
-            let estimate = grid.with_ray(&span, share * rate, kernel);
+            let estimate = medium.with_ray(&span, share * rate, kernel);
             let nulls = if known { estimate.null_probability } else { Vec3::ONE };
             return Shadow { transmittance: estimate.transmittance, null_probability: nulls };
         }
@@ -534,7 +527,7 @@ impl<'a, C: ChannelMode> Merged<'a, C> {
         (rng, tally): (&mut R, &mut Tally),
     ) -> Shadow {
         let medium = &*self.media[number];
-        let ratio = medium.relative_extinction();
+        let ratio = medium.chromatic_ratio();
         let grey = C::GREY || ratio == Vec3::ONE;
         if let Some(known) = known_transmittance(medium, ray, t_max) {
             return known;
@@ -542,14 +535,14 @@ impl<'a, C: ChannelMode> Merged<'a, C> {
         let Some(mut entry) = Entry::new(number, medium, ray, t_max) else {
             return Shadow::CLEAR;
         };
-        if let Some(law) = medium.law() {
+        if let Some(law) = medium.transmittance_function() {
             let passage = passage(law, start, number);
             if !self.draw_rate(&mut entry, passage, rng) {
                 let transmittance = self.exact_or_debiased(&entry, passage, rng, tally);
                 return Shadow { transmittance, ..Shadow::CLEAR };
             }
         }
-        let known = self.weighs[usize::from(grey)] && medium.law().is_none();
+        let known = self.weighs[usize::from(grey)] && medium.transmittance_function().is_none();
         if grey {
             let of_all = (1.0, Grey);
             let (t, n) = self.estimate(&entry, of_all, known, threshold, (rng, tally));
@@ -637,14 +630,14 @@ fn fly_by_depth<R: Rng + Clone>(
 /// Transmittance that needs no walk, with the null probability that weights count; `None` where a ray has to be walked.
 #[inline]
 fn known_transmittance(medium: &Medium, ray: &Ray, t_max: f64) -> Option<Shadow> {
-    if !matches!(medium, Medium::Homogeneous(_)) || medium.law().is_some() {
+    if medium.homogeneous_box().is_none() || medium.transmittance_function().is_some() {
         return None;
     }
     if let Some(factor) = closed_form(medium, ray, t_max) {
         let factor = Vec3::splat(factor);
         return Some(Shadow { transmittance: factor, null_probability: factor });
     }
-    let ratio = medium.relative_extinction();
+    let ratio = medium.chromatic_ratio();
     if let Some(depth) = too_long_to_walk(medium, ray, t_max) {
         let passed = |s: f32| if s > 0.0 { libm::exp(-f64::from(s) * depth) as f32 } else { 1.0 };
         return Some(Shadow { transmittance: Spectrum::map(ratio, passed), ..Shadow::CLEAR });
@@ -672,12 +665,8 @@ impl<'a, C: ChannelMode> Media for Merged<'a, C> {
         // Most rays meet one medium.
         match self.index.at_most_one(segment.ray, segment.t_max) {
             AtMostOne::None => return self.channels.end(flight, None, decoupled),
-            AtMostOne::One(number)
-                if self.tracks
-                    && self.index.walks[number] != Walk::Other
-                    && let Medium::Grid(grid) = &*self.media[number] =>
-            {
-                self.fly_through_grid((number, grid), &segment, &mut flight, first, (rng, tally));
+            AtMostOne::One(number) if self.tracks && self.index.walks[number] != Walk::Other => {
+                self.fly_through_grid(number, &segment, &mut flight, first, (rng, tally));
                 return self.channels.end(flight, None, decoupled);
             }
             _ => {}
@@ -730,9 +719,11 @@ impl<'a, C: ChannelMode> Media for Merged<'a, C> {
             let sigma_t = medium.sigma_t_at(p_world) as f32;
             if sigma_t > 0.0 {
                 // From a place that is correlated with no scatterer: the density of a collision at no depth.
-                let per_path = medium.law().map_or(1.0, |law| 1.0 / law.mean_free_path() as f32);
+                let per_path = medium
+                    .transmittance_function()
+                    .map_or(1.0, |law| 1.0 / law.mean_free_path() as f32);
                 let sigma_t = sigma_t * per_path * medium.projected_area(p_world, incoming);
-                let sigma_t = medium.relative_extinction() * sigma_t;
+                let sigma_t = medium.chromatic_ratio() * sigma_t;
                 visit(medium.albedo_at(p_world) * sigma_t, medium.phase_at(p_world, incoming, rng));
             }
         }
@@ -742,7 +733,8 @@ impl<'a, C: ChannelMode> Media for Merged<'a, C> {
         let mut hull: Option<(f64, f64)> = None;
         for index in self.index.along(ray, t_max) {
             let medium = &self.media[index as usize];
-            if let Some((t0, t1)) = medium.extent(ray.origin, ray.direction, t_max) {
+            if let Some(span) = medium.span(ray.origin, ray.direction, t_max) {
+                let (t0, t1) = span.extent();
                 hull = Some(hull.map_or((t0, t1), |(a, b)| (a.min(t0), b.max(t1))));
             }
         }

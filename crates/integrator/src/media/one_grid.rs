@@ -5,7 +5,7 @@ use super::collisions::OneMedium;
 use super::{Collision, FlightEnd, Media, Ray, RaySegment, Shadow};
 use glam::{DVec3, Vec3};
 use pileus_media::transmittance::ratio_tracking_with_roulette;
-use pileus_media::{Grey, GridMedium, PhaseAt, Relative, Tally, TentativeCollisions, Voxel};
+use pileus_media::{Grey, GridShape, Medium, PhaseAt, Relative, Tally, TentativeCollisions, Voxel};
 use rand_core::Rng;
 use std::marker::PhantomData;
 
@@ -13,7 +13,7 @@ use std::marker::PhantomData;
 pub(crate) trait PhaseAxis: Sync {
     /// The phase function at a point of a medium, for light that arrives along `incoming`.
     fn at<'a, R: Rng + Clone>(
-        medium: &'a GridMedium,
+        medium: &'a Medium,
         p_world: DVec3,
         incoming: Vec3,
         rng: &mut R,
@@ -25,7 +25,7 @@ pub(crate) struct IsotropicOrHenyeyGreenstein;
 
 impl PhaseAxis for IsotropicOrHenyeyGreenstein {
     #[inline(always)]
-    fn at<'a, R: Rng + Clone>(medium: &'a GridMedium, _: DVec3, _: Vec3, _: &mut R) -> PhaseAt<'a> {
+    fn at<'a, R: Rng + Clone>(medium: &'a Medium, _: DVec3, _: Vec3, _: &mut R) -> PhaseAt<'a> {
         medium.phase().plain().unwrap_or(PhaseAt::Isotropic)
     }
 }
@@ -36,7 +36,7 @@ pub(crate) struct AnyPhase;
 impl PhaseAxis for AnyPhase {
     #[inline(always)]
     fn at<'a, R: Rng + Clone>(
-        medium: &'a GridMedium,
+        medium: &'a Medium,
         p_world: DVec3,
         incoming: Vec3,
         rng: &mut R,
@@ -47,7 +47,8 @@ impl PhaseAxis for AnyPhase {
 
 /// One grid medium with voxels of type `V`, on the majorants that every grid has by default.
 pub(crate) struct OneGrid<'a, V, C, P> {
-    pub(crate) medium: &'a GridMedium,
+    pub(crate) medium: &'a Medium,
+    pub(crate) grid: &'a GridShape,
     pub(crate) voxels: &'a [V],
     pub(crate) channels: C,
     pub(crate) phase: PhantomData<P>,
@@ -67,12 +68,12 @@ impl<V: Voxel, C: ChannelMode, P: PhaseAxis> Media for OneGrid<'_, V, C, P> {
         tally: &mut Tally,
     ) -> FlightEnd<C::Nulls> {
         let mut flight = self.channels.begin(beta);
-        let ratio = self.medium.relative_extinction();
+        let ratio = self.medium.chromatic_ratio();
         let share = if C::GREY { 1.0 } else { self.channels.share(&flight, ratio) };
         if (C::GREY || share > 0.0)
-            && let Some(span) = self.medium.span(ray.origin, ray.direction, t_max)
+            && let Some(span) = self.grid.span(ray.origin, ray.direction, t_max)
         {
-            let field = self.medium.ray_of_share(self.voxels, &span, share);
+            let field = self.grid.ray(self.voxels, &span, share);
             let (walk, decision) = match first {
                 Some([depth, u]) => (TentativeCollisions::with_first(field, depth), Some(u)),
                 None => (TentativeCollisions::new(field), None),
@@ -94,14 +95,14 @@ impl<V: Voxel, C: ChannelMode, P: PhaseAxis> Media for OneGrid<'_, V, C, P> {
         rng: &mut R,
         tally: &mut Tally,
     ) -> Shadow {
-        let ratio = self.medium.relative_extinction();
+        let ratio = self.medium.chromatic_ratio();
         let Some((share, ratios)) = self.channels.shadow_ratios(beta, ratio) else {
             return Shadow::CLEAR;
         };
-        let Some(span) = self.medium.span(ray.origin, ray.direction, t_max) else {
+        let Some(span) = self.grid.span(ray.origin, ray.direction, t_max) else {
             return Shadow::CLEAR;
         };
-        let walk = TentativeCollisions::new(self.medium.ray_of_share(self.voxels, &span, share));
+        let walk = TentativeCollisions::new(self.grid.ray(self.voxels, &span, share));
         if C::GREY {
             let estimate = ratio_tracking_with_roulette(walk, Grey, threshold, rng, tally);
             return Shadow {
@@ -125,13 +126,13 @@ impl<V: Voxel, C: ChannelMode, P: PhaseAxis> Media for OneGrid<'_, V, C, P> {
     ) {
         let sigma_t = self.medium.sigma_t_at(p_world) as f32;
         if sigma_t > 0.0 {
-            let sigma_s = self.medium.albedo_at(p_world) * self.medium.relative_extinction();
+            let sigma_s = self.medium.albedo_at(p_world) * self.medium.chromatic_ratio();
             visit(sigma_s * sigma_t, P::at(self.medium, p_world, incoming, rng));
         }
     }
 
     fn extent(&self, ray: &Ray, t_max: f64) -> Option<(f64, f64)> {
-        self.medium.extent(ray.origin, ray.direction, t_max)
+        self.grid.span(ray.origin, ray.direction, t_max).map(|span| span.extent())
     }
 
     #[inline(always)]

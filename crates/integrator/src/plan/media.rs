@@ -37,18 +37,12 @@ pub(super) const TOO_DENSE: f64 = 1e7;
 
 /// Whether a medium has any extinction: no path asks for others.
 pub(crate) fn extinguishes(medium: &Medium) -> bool {
-    match medium {
-        Medium::Grid(grid) => grid.scale() > 0.0 && grid.bounds_world().is_some(),
-        Medium::Homogeneous(medium) => medium.scale() > 0.0,
-    }
+    medium.largest_sigma_t() > 0.0 && (medium.grid().is_none() || medium.bounds_world().is_some())
 }
 
 /// Optical depth per voxel of a volume's majorants, at most; zero for homogeneous media.
 pub(super) fn depth_of(volume: &Volume, settings: &RenderSettings) -> f64 {
-    let depth = match &*volume.medium {
-        Medium::Grid(grid) => grid.majorant_depth_per_voxel(),
-        Medium::Homogeneous(_) => 0.0,
-    };
+    let depth = volume.medium.grid().map_or(0.0, |grid| grid.majorant_depth_per_voxel());
     depth * f64::from(settings.majorant_scale.max(1.0))
 }
 
@@ -63,34 +57,19 @@ pub(super) fn describe(name: &str, medium: &Medium) -> PlannedVolume {
     let color = |c: [f32; 3]| {
         if c[0] == c[1] && c[1] == c[2] { c[0].to_string() } else { format!("{c:?}") }
     };
-    match medium {
-        Medium::Grid(grid) => {
-            let report = grid.grid().report();
-            PlannedVolume {
-                name: name.to_owned(),
-                kind: "grid",
-                grey: grid.is_grey(),
-                sigma_t_max: f64::from(grid.scale()) * f64::from(grid.grid().range().1),
-                voxels: Some(if report.stored_as_half { "binary16" } else { "binary32" }),
-                bytes: report.bytes_voxels + report.bytes_bounds + report.bytes_index,
-                law: medium.law().map(ToString::to_string),
-                phase,
-                albedo: match grid.albedo() {
-                    Albedo::Constant(albedo) => color(*albedo),
-                    Albedo::Grid(_) => "grid".to_owned(),
-                },
-            }
-        }
-        Medium::Homogeneous(homogeneous) => PlannedVolume {
-            name: name.to_owned(),
-            kind: "homogeneous",
-            grey: homogeneous.is_grey(),
-            sigma_t_max: f64::from(homogeneous.scale()),
-            voxels: None,
-            bytes: 0,
-            law: medium.law().map(ToString::to_string),
-            phase,
-            albedo: color(homogeneous.albedo().to_array()),
+    let report = medium.grid().map(|grid| grid.voxels().report());
+    PlannedVolume {
+        name: name.to_owned(),
+        kind: if report.is_some() { "grid" } else { "homogeneous" },
+        grey: medium.is_grey(),
+        sigma_t_max: medium.largest_sigma_t(),
+        voxels: report.map(|report| if report.stored_as_half { "binary16" } else { "binary32" }),
+        bytes: report.map_or(0, |r| r.bytes_voxels + r.bytes_bounds + r.bytes_index),
+        law: medium.transmittance_function().map(ToString::to_string),
+        phase,
+        albedo: match medium.optics().albedo() {
+            Albedo::Constant(albedo) => color(*albedo),
+            Albedo::Grid(_) => "grid".to_owned(),
         },
     }
 }

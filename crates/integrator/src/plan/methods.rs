@@ -9,7 +9,7 @@ use crate::media::{Methods, flies_by_depth};
 use crate::settings::RenderSettings;
 use pileus_media::distance::DistanceSampler;
 use pileus_media::transmittance::Estimator;
-use pileus_media::{Medium, Transmittances, Work};
+use pileus_media::{Transmittances, Work};
 use pileus_scene::{Scene, Volume};
 
 /// Mean optical depth of the media below which points seen by point-like lights at equal angles pay for themselves, where the job leaves the
@@ -72,7 +72,7 @@ pub(super) fn check_laws(
     reasons: &mut Vec<String>,
 ) -> Result<(), Error> {
     for volume in &scene.volumes {
-        let Some(law) = volume.medium.law() else { continue };
+        let Some(law) = volume.medium.transmittance_function() else { continue };
         let (name, rates) = (&volume.name, law.is_mixture_of_exponentials());
         if !rates && volume.medium.phase().flakes().is_some_and(|flakes| flakes.by_grid()) {
             return Err(Error::Scene {
@@ -84,7 +84,7 @@ pub(super) fn check_laws(
                 )],
             });
         }
-        let by_rates = rates && matches!(*volume.medium, Medium::Grid(_));
+        let by_rates = rates && volume.medium.grid().is_some();
         let holds = |transmittances| match transmittances {
             Transmittances::All => true,
             Transmittances::Mixtures => rates,
@@ -156,7 +156,7 @@ pub(super) fn choose(
         _ => DistanceSampler::Spectral,
     };
     if distance == DistanceSampler::Analytic
-        && let Some(grid) = scene.volumes.iter().find(|v| matches!(*v.medium, Medium::Grid(_)))
+        && let Some(grid) = scene.volumes.iter().find(|v| v.medium.grid().is_some())
     {
         return Err(Error::Parameter {
             parameter: Parameter::Distance,

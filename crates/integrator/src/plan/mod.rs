@@ -91,10 +91,10 @@ impl Facts {
     fn of(scene: &Scene, settings: &RenderSettings) -> Facts {
         let media =
             || scene.volumes.iter().map(|volume| &*volume.medium).filter(|m| extinguishes(m));
-        let wide = |medium: &Medium| matches!(medium, Medium::Grid(grid) if grid.is_wide());
+        let wide = |medium: &Medium| medium.grid().is_some_and(|grid| grid.is_wide());
         let microflakes = media().any(|medium| medium.phase().flakes().is_some());
-        let non_exponential = media().any(|medium| medium.law().is_some());
-        let grid = media().all(|m| matches!(m, Medium::Grid(_)) && !wide(m));
+        let non_exponential = media().any(|medium| medium.transmittance_function().is_some());
+        let grid = media().all(|m| m.grid().is_some() && !wide(m));
         let volumes = media().count();
         Facts {
             volumes,

@@ -1,7 +1,8 @@
 //! How thick the media of a scene are, roughly: what choices and weights may use, since they are unbiased whatever it is.
 
 use glam::DVec3;
-use pileus_media::Medium;
+use pileus_math::Bounds3;
+use pileus_media::{Medium, Shape};
 use pileus_scene::Scene;
 
 /// Points per axis at which media are looked up for their typical extinction.
@@ -9,19 +10,19 @@ const TYPICAL_LATTICE: u32 = 12;
 
 /// Mean extinction over a medium's box, 1/length.
 fn mean_sigma_t(medium: &Medium) -> f64 {
-    match (medium, medium.bounds_world()) {
-        (Medium::Homogeneous(medium), _) => f64::from(medium.scale()),
-        (Medium::Grid(medium), Some((low, high))) => {
+    match (medium.shape(), medium.bounds_world()) {
+        (Shape::Box(shape), _) => f64::from(shape.sigma_t()),
+        (Shape::Grid(grid), Some(bounds)) => {
             let n = TYPICAL_LATTICE;
             let at = |i: u32| (f64::from(i) + 0.5) / f64::from(n);
             let mut total = 0.0;
             for i in 0..n.pow(3) {
                 let u = DVec3::new(at(i % n), at(i / n % n), at(i / (n * n)));
-                total += medium.sigma_t_at(low + (high - low) * u);
+                total += grid.sigma_t_at(bounds.at(u));
             }
             total / f64::from(n.pow(3))
         }
-        (Medium::Grid(_), None) => 0.0,
+        (Shape::Grid(_), None) => 0.0,
     }
 }
 
@@ -35,16 +36,12 @@ pub(crate) fn typical_sigma_t(scene: &Scene) -> f64 {
 /// Mean optical depth across the media's boxes, summed over media: mean extinction times the mean chord `4 V / S` [Cauchy]. Infinite for media
 /// without bounds.
 pub(crate) fn typical_depth(scene: &Scene) -> f64 {
-    let chord = |(low, high): (DVec3, DVec3)| {
-        let d = high - low;
-        2.0 * d.x * d.y * d.z / (d.x * d.y + d.y * d.z + d.z * d.x)
-    };
     scene
         .volumes
         .iter()
         .map(|volume| {
             let sigma_t = mean_sigma_t(&volume.medium);
-            let length = volume.medium.bounds_world().map_or(f64::INFINITY, chord);
+            let length = volume.medium.bounds_world().map_or(f64::INFINITY, Bounds3::mean_chord);
             if sigma_t > 0.0 { sigma_t * length } else { 0.0 }
         })
         .sum()

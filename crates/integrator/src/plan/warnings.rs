@@ -6,7 +6,8 @@
 use crate::error::{Error, Parameter, Remedy};
 use crate::settings::{DEFAULT_MAX_EVENTS, RenderSettings};
 use glam::{DVec3, Vec3};
-use pileus_media::{Albedo, HomogeneousMedium, Medium};
+use pileus_math::Bounds3;
+use pileus_media::{GridShape, Medium, Shape};
 use pileus_scene::{Light, Scene, Surfaces, Volume};
 use rand_pcg::Pcg32;
 
@@ -26,13 +27,12 @@ const MAX_SURFACES_ON_A_RAY: usize = 64;
 
 /// The homogeneous media without bounds, with the names of their volumes and their extinction per
 /// channel, 1/length.
-fn fogs(scene: &Scene) -> impl Iterator<Item = (&str, &HomogeneousMedium, Vec3)> {
-    scene.volumes.iter().filter_map(|volume| match &*volume.medium {
-        Medium::Homogeneous(medium) if medium.bounds_world().is_none() => {
-            let sigma_t = medium.relative_extinction() * medium.scale();
-            Some((volume.name.as_str(), medium, sigma_t))
-        }
-        _ => None,
+fn fogs(scene: &Scene) -> impl Iterator<Item = (&str, &Medium, Vec3)> {
+    scene.volumes.iter().filter_map(|volume| {
+        let medium = &*volume.medium;
+        let fog = medium.homogeneous_box().filter(|shape| shape.bounds_world().is_none())?;
+        let sigma_t = medium.chromatic_ratio() * fog.sigma_t();
+        Some((volume.name.as_str(), medium, sigma_t))
     })
 }
 
@@ -52,7 +52,11 @@ fn names<'a>(names: impl Iterator<Item = &'a str>) -> String {
 /// Whether light of channel `c` meets extinction everywhere in space, and none of it absorbs.
 fn scatters_forever(scene: &Scene, c: usize) -> bool {
     let mut met = fogs(scene).filter(|(.., sigma_t)| sigma_t[c] > 0.0).peekable();
-    met.peek().is_some() && met.all(|(_, medium, _)| medium.albedo()[c] >= 1.0)
+    met.peek().is_some() && met.all(|(_, medium, _)| absorbs_nothing(medium, c))
+}
+
+fn absorbs_nothing(medium: &Medium, channel: usize) -> bool {
+    medium.optics().albedo().constant().is_some_and(|albedo| albedo[channel] >= 1.0)
 }
 
 /// Refuses scenes in which a share of the paths never ends: media without bounds scatter, none of
@@ -66,8 +70,8 @@ pub(crate) fn refuse_endless(scene: &Scene) -> Result<(), Error> {
     if endless.is_empty() || scene.surfaces.is_some() {
         return Ok(());
     }
-    let of = |(name, medium, sigma_t): (_, &HomogeneousMedium, Vec3)| {
-        (0..3).any(|c| sigma_t[c] > 0.0 && medium.albedo()[c] >= 1.0).then_some(name)
+    let of = |(name, medium, sigma_t): (_, &Medium, Vec3)| {
+        (0..3).any(|c| sigma_t[c] > 0.0 && absorbs_nothing(medium, c)).then_some(name)
     };
     Err(Error::Scene {
         what: format!(
@@ -88,27 +92,19 @@ pub(crate) fn refuse_endless(scene: &Scene) -> Result<(), Error> {
 
 /// The largest albedo of any channel that a medium extinguishes.
 fn largest_albedo(medium: &Medium) -> f32 {
-    let (albedo, relative) = match medium {
-        Medium::Grid(grid) => match grid.albedo() {
-            Albedo::Constant(albedo) => (Vec3::from_array(*albedo), grid.relative_extinction()),
-            Albedo::Grid(_) => (Vec3::ONE, grid.relative_extinction()),
-        },
-        Medium::Homogeneous(medium) => (medium.albedo(), medium.relative_extinction()),
-    };
+    let albedo = medium.optics().albedo().constant().unwrap_or(Vec3::ONE);
+    let relative = medium.chromatic_ratio();
     (0..3).filter(|c| relative[*c] > 0.0).map(|c| albedo[c]).fold(0.0, f32::max)
 }
 
 /// Largest extinction times the diagonal of the medium's box: a bound of its optical depth;
 /// infinite without bounds.
 fn largest_depth(medium: &Medium) -> f64 {
-    let sigma_t = match medium {
-        Medium::Grid(grid) => f64::from(grid.scale()) * f64::from(grid.grid().range().1),
-        Medium::Homogeneous(medium) => f64::from(medium.scale()),
-    };
-    let length = match (medium, medium.bounds_world()) {
-        (_, Some((low, high))) => (high - low).length(),
-        (Medium::Grid(_), None) => 0.0,
-        (Medium::Homogeneous(_), None) => f64::INFINITY,
+    let sigma_t = medium.largest_sigma_t();
+    let length = match (medium.shape(), medium.bounds_world()) {
+        (_, Some(bounds)) => bounds.size().length(),
+        (Shape::Grid(_), None) => 0.0,
+        (Shape::Box(_), None) => f64::INFINITY,
     };
     if sigma_t > 0.0 { sigma_t * length } else { 0.0 }
 }
@@ -139,14 +135,12 @@ pub(crate) fn may_cut(scene: &Scene, settings: &RenderSettings) -> Option<String
 
 /// The largest optical depth of a voxel of any grid; `None` without grids.
 pub(crate) fn depth_of_a_voxel<'a>(media: impl Iterator<Item = &'a Medium>) -> Option<f64> {
-    let depths = media.filter_map(|medium| match medium {
-        Medium::Grid(grid) => {
-            let axes = grid.index_to_world().matrix3;
-            let edges = [axes.x_axis, axes.y_axis, axes.z_axis].map(DVec3::length);
-            let edge = edges.into_iter().fold(0.0, f64::max);
-            Some(edge * f64::from(grid.scale()) * f64::from(grid.grid().range().1))
-        }
-        Medium::Homogeneous(_) => None,
+    let depths = media.filter_map(|medium| {
+        let grid = medium.grid()?;
+        let axes = grid.index_to_world().matrix3;
+        let edges = [axes.x_axis, axes.y_axis, axes.z_axis].map(DVec3::length);
+        let edge = edges.into_iter().fold(0.0, f64::max);
+        Some(edge * f64::from(grid.sigma_t_scale()) * f64::from(grid.voxels().range().1))
     });
     depths.reduce(f64::max)
 }
@@ -180,12 +174,9 @@ const MAX_ROUNDING: f64 = 2.5e-3;
 fn short_flights(scene: &Scene) -> Option<String> {
     let camera = scene.camera.position();
     let dense = scene.volumes.iter().filter(|volume| {
-        let sigma_t = match &*volume.medium {
-            Medium::Grid(grid) => f64::from(grid.scale()) * f64::from(grid.grid().range().1),
-            Medium::Homogeneous(medium) => f64::from(medium.scale()),
-        };
+        let sigma_t = volume.medium.largest_sigma_t();
         let corners = volume.medium.bounds_world();
-        let reach = corners.map_or(0.0, |(low, high)| low.abs().max(high.abs()).max_element());
+        let reach = corners.map_or(0.0, |b: Bounds3| b.low.abs().max(b.high.abs()).max_element());
         sigma_t * reach.max((camera.abs()).max_element()) * f64::EPSILON > MAX_ROUNDING
     });
     let found = names(dense.map(|volume| volume.name.as_str()));
@@ -198,9 +189,9 @@ fn short_flights(scene: &Scene) -> Option<String> {
 
 /// What is known of volumes that none of `paths` paths has met, as camera path or shadow ray.
 pub(crate) fn met_by_none(scene: &Scene, paths: u32) -> Option<String> {
-    let extinguishes = |volume: &&Volume| match &*volume.medium {
-        Medium::Grid(grid) => grid.scale() > 0.0 && grid.bounds_world().is_some(),
-        Medium::Homogeneous(_) => false,
+    let extinguishes = |volume: &&Volume| {
+        let seen = |grid: &GridShape| grid.sigma_t_scale() > 0.0 && grid.bounds_world().is_some();
+        volume.medium.grid().is_some_and(seen)
     };
     let grids = || scene.volumes.iter().filter(extinguishes);
     grids().next()?;
@@ -253,18 +244,11 @@ fn darkness(scene: &Scene) -> Option<String> {
     ))
 }
 
-/// Lowest and highest corner of what a volume extinguishes or gives off.
-fn bounds_of(volume: &Volume) -> Option<(DVec3, DVec3)> {
+/// The box of what a volume extinguishes or emits.
+fn bounds_of(volume: &Volume) -> Option<Bounds3> {
     let fire = volume.emission.as_ref().and_then(|fire| fire.bounds_world());
     let both = volume.medium.bounds_world().into_iter().chain(fire);
-    both.reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))
-}
-
-fn corners((low, high): (DVec3, DVec3)) -> [DVec3; 8] {
-    std::array::from_fn(|i| {
-        let pick = |axis: usize| if i >> axis & 1 == 1 { high[axis] } else { low[axis] };
-        DVec3::new(pick(0), pick(1), pick(2))
-    })
+    both.reduce(Bounds3::union)
 }
 
 /// Scenes of which nothing lies within the picture's frame.
@@ -284,8 +268,8 @@ fn out_of_sight(scene: &Scene) -> Option<String> {
         if normal.dot(middle) < 0.0 { -normal } else { normal }
     });
     let planes: Vec<DVec3> = sides.chain([forward]).collect();
-    let outside = |bounds: (DVec3, DVec3)| {
-        let corners = corners(bounds);
+    let outside = |bounds: Bounds3| {
+        let corners = bounds.corners();
         planes.iter().any(|normal| corners.iter().all(|p| (*p - eye).dot(*normal) < 0.0))
     };
     let volumes = scene.volumes.iter().filter_map(bounds_of);
@@ -308,13 +292,13 @@ fn enclosed(scene: &Scene) -> Vec<String> {
     }
     let mut candidates = 0;
     for volume in &scene.volumes {
-        let Some((low, high)) = bounds_of(volume) else { continue };
-        let points = points_of(volume, (low, high));
+        let Some(own) = bounds_of(volume) else { continue };
+        let points = points_of(volume, own);
         // Of a volume that is turned, the box is larger than the body.
-        let slack = (high - low) * 0.25;
-        let around = boxes.iter().zip(0u32..).filter(|((a, b), instance)| {
-            a.cmple(low + slack).all()
-                && b.cmpge(high - slack).all()
+        let slack = own.size() * 0.25;
+        let around = boxes.iter().zip(0u32..).filter(|(bounds, instance)| {
+            bounds.low.cmple(own.low + slack).all()
+                && bounds.high.cmpge(own.high - slack).all()
                 && surfaces.mesh_is_closed(*instance)
         });
         for (bounds, instance) in around {
@@ -348,12 +332,12 @@ fn enclosed(scene: &Scene) -> Vec<String> {
 }
 
 /// Points inside a volume where it extinguishes or gives off light, 64 at most.
-fn points_of(volume: &Volume, (low, high): (DVec3, DVec3)) -> Vec<DVec3> {
+fn points_of(volume: &Volume, bounds: Bounds3) -> Vec<DVec3> {
     const SIDE: u32 = 4;
     let at = |i: u32| (f64::from(i) + 0.5) / f64::from(SIDE);
     let lattice = (0..SIDE.pow(3)).map(|i| {
         let u = DVec3::new(at(i % SIDE), at(i / SIDE % SIDE), at(i / (SIDE * SIDE)));
-        low + (high - low) * u
+        bounds.at(u)
     });
     let filled = |p: &DVec3| {
         volume.medium.sigma_t_at(*p) > 0.0
@@ -364,11 +348,7 @@ fn points_of(volume: &Volume, (low, high): (DVec3, DVec3)) -> Vec<DVec3> {
 
 /// Whether an opaque instance hides a point from outside in all directions that are tried; the
 /// number of a material that does.
-fn hidden_by(
-    surfaces: &Surfaces,
-    (instance, (low, high)): (u32, (DVec3, DVec3)),
-    p: DVec3,
-) -> Option<u32> {
+fn hidden_by(surfaces: &Surfaces, (instance, bounds): (u32, Bounds3), p: DVec3) -> Option<u32> {
     // Corners of a tetrahedron and of its mirror image, turned so that none lies along an axis.
     let directions = [
         Vec3::new(0.36, 0.48, 0.8),
@@ -378,7 +358,7 @@ fn hidden_by(
         Vec3::new(0.8, -0.36, 0.48),
         Vec3::new(-0.48, 0.8, -0.36),
     ];
-    let reach = (high - low).length() + (p - (low + high) * 0.5).length();
+    let reach = bounds.size().length() + (p - bounds.centre()).length();
     let mut rng = Pcg32::new(0, 0);
     let mut material = None;
     for direction in directions {

@@ -179,18 +179,18 @@ fn add(a: (f64, f64), b: (f64, f64)) -> (f64, f64) {
 /// Steps and tentative collisions of ray number `number` in one medium: expected ones of a flight, those of one walk of a shadow ray, whose roulette
 /// depends on the collisions themselves.
 fn walk(medium: &Medium, ray: &RecordedRay, number: u64) -> (f64, f64) {
-    let Medium::Grid(grid) = medium else {
+    if medium.grid().is_none() {
         // Homogeneous media: real collisions alone, shadow rays in closed form.
         return (0.0, 0.0);
-    };
-    let Some(span) = grid.span(ray.origin, ray.direction, ray.length) else {
+    }
+    let Some(span) = medium.span(ray.origin, ray.direction, ray.length) else {
         return (0.0, 0.0);
     };
-    let mut field = grid.any_ray(&span);
+    let mut field = medium.any_ray(&span, 1.0);
     if ray.threshold > 0.0 {
         let mut rng = Pcg32::new(number, 0x9b1);
         let (walk, mut tally) = (TentativeCollisions::new(field), Tally::default());
-        let channels = Relative(grid.relative_extinction());
+        let channels = Relative(medium.chromatic_ratio());
         ratio_tracking_with_roulette(walk, channels, ray.threshold, &mut rng, &mut tally);
         return (tally.majorant_steps as f64, tally.lookups as f64);
     }

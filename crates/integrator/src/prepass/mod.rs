@@ -11,7 +11,6 @@ use crate::cost::PathCost;
 use crate::plan::warnings;
 use crate::renderer::Parts;
 use crate::settings::ShadowRoulette;
-use pileus_media::Medium;
 use serde::Serialize;
 use std::fmt;
 
@@ -49,7 +48,7 @@ impl Prepass {
             ));
             return prepass;
         }
-        if media().any(|medium| matches!(medium, Medium::Grid(_))) {
+        if media().any(|medium| medium.grid().is_some()) {
             let (cost, met) = cost::predict(parts, COST_PATHS);
             if !met {
                 prepass.warnings.extend(warnings::met_by_none(parts.scene, COST_PATHS));

@@ -11,6 +11,7 @@ use crate::media::{Media, Ray};
 use crate::renderer::{Job, Parts};
 use crate::sampler::PathSampler;
 use glam::{DVec3, Vec3};
+use pileus_math::Bounds3;
 use pileus_scene::Scene;
 use rayon::prelude::*;
 
@@ -83,9 +84,8 @@ impl RadianceCache {
     /// Estimates for media under distant lights; `None` if media have no bounds, or nothing is lit.
     pub(super) fn new(parts: &Parts<'_>) -> Option<RadianceCache> {
         let bounds: Option<Vec<_>> = parts.media.media.iter().map(|m| m.bounds_world()).collect();
-        let union = |a: (DVec3, DVec3), b: (DVec3, DVec3)| (a.0.min(b.0), a.1.max(b.1));
-        let (low, high) = bounds?.into_iter().reduce(union)?;
-        let extent = high - low;
+        let bounds = bounds?.into_iter().reduce(Bounds3::union)?;
+        let (low, extent) = (bounds.low, bounds.size());
         let cells_per_length = CELLS / extent.max_element();
         if !(extent.min_element() > 0.0 && cells_per_length > 0.0 && cells_per_length.is_finite()) {
             return None;

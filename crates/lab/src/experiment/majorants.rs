@@ -6,7 +6,7 @@ use pileus_film::Film;
 use pileus_integrator::{Counters, RecordedRays, RenderSettings, Renderer, Unmonitored};
 use pileus_media::distance::DistanceSampler;
 use pileus_media::transmittance::Estimator;
-use pileus_media::{MajorantStructure, Medium, StructureCost};
+use pileus_media::{MajorantStructure, StructureCost};
 use pileus_scene::Scene;
 use std::time::Instant;
 
@@ -73,8 +73,8 @@ pub fn chart_majorants(
          compare structures alone. Delta and ratio tracking."
     )];
     for volume in &scene.volumes {
-        if let Medium::Grid(grid) = &*volume.medium {
-            let report = grid.grid().report();
+        if let Some(grid) = volume.medium.grid() {
+            let report = grid.voxels().report();
             notes.push(format!(
                 "Bounds of `{}`: {:.1} % of the bytes of its {} voxels; above bricks they took {:.2} ms of {:.1} ms to lay out the grid.",
                 volume.name,
@@ -97,8 +97,9 @@ pub fn chart_majorants(
                 let predicted = pilot.cost(scene, structure, 1.0).map_err(Error::Render)?;
                 let (mut cells, mut bytes, mut build) = (0, 0, 0.0);
                 for volume in &scene.volumes {
-                    if let Medium::Grid(grid) = &*volume.medium {
-                        let built = grid.with_majorants(structure, 1.0).map_err(Error::Media)?;
+                    let built =
+                        volume.medium.with_majorants(structure, 1.0).map_err(Error::Media)?;
+                    if let Some(built) = built.grid() {
                         let footprint = built.majorants().footprint();
                         cells += footprint.0;
                         bytes += footprint.1;

@@ -1,8 +1,9 @@
 //! Rays of an asset, by what makes them hard.
 
 use glam::{DVec3, Vec3};
+use pileus_math::Bounds3;
 use pileus_media::random::uniform;
-use pileus_media::{GridMedium, PhaseAt, RayField, Tally, optical_depth};
+use pileus_media::{Medium, PhaseAt, RayField, Tally, optical_depth};
 use rand_pcg::Pcg32;
 
 /// What a ray is like for estimators.
@@ -55,8 +56,8 @@ const CANDIDATES: u32 = 40_000;
 
 /// Shadow rays of a medium: from points where it is dense, in random directions, up to `per_class` of each class. Some assets have no ray of a
 /// class, or few.
-pub fn classed_rays(medium: &GridMedium, per_class: usize, seed: u64) -> Vec<LabRay> {
-    let Some((low, high)) = medium.bounds_world() else {
+pub fn classed_rays(medium: &Medium, per_class: usize, seed: u64) -> Vec<LabRay> {
+    let Some(Bounds3 { low, high }) = medium.bounds_world() else {
         return Vec::new();
     };
     let mut rng = Pcg32::new(seed, 77);
@@ -84,14 +85,14 @@ pub fn classed_rays(medium: &GridMedium, per_class: usize, seed: u64) -> Vec<Lab
     rays
 }
 
-fn classify(medium: &GridMedium, origin: DVec3, direction: Vec3) -> Option<(LabRay, RayClass)> {
+fn classify(medium: &Medium, origin: DVec3, direction: Vec3) -> Option<(LabRay, RayClass)> {
     let span = medium.span(origin, direction, f64::INFINITY)?;
     let mut tally = Tally::default();
     let tau = optical_depth(medium, origin, direction.as_dvec3(), 0.0, 1e30, &mut tally);
     if !(tau > 1e-6 && tau < 15.0) {
         return None;
     }
-    let mut field = medium.any_ray(&span);
+    let mut field = medium.any_ray(&span, 1.0);
     let (mut bound, mut length, mut peak) = (0.0f64, 0.0f64, 0.0f64);
     while let Some(segment) = field.next_segment() {
         let part = f64::from(segment.t1 - segment.t0);

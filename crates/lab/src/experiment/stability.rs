@@ -5,6 +5,7 @@ use super::measure::Samples;
 use super::stress::{Stress, Subject, all_stresses};
 use crate::Error;
 use crate::chart::{Axis, Cell, Chart, Plot, Provenance, Series, Table};
+use glam::{DVec3, Vec3};
 use pileus_film::{Film, Filter};
 use pileus_integrator::{RenderSettings, Renderer, Unmonitored};
 use pileus_media::distance::{DistanceSampler, Flight};
@@ -447,11 +448,16 @@ fn cell(method: Method, stress: &Stress) -> Result<StabilityCell, Error> {
                 what: format!("{}: the ray misses the grid", stress.name),
                 remedy: "aim the ray at it",
             })?;
-            ask(method, || medium.any_ray(&span), Grey, depth)?
+            ask(method, || medium.any_ray(&span, 1.0), Grey, depth)?
         }
         Subject::Homogeneous(medium, length) => {
-            let depth = f64::from(medium.scale()) * f64::from(*length);
-            ask(method, || medium.ray(*length), Grey, depth)?
+            let depth = medium.largest_sigma_t() * f64::from(*length);
+            let span = medium.span(DVec3::ZERO, Vec3::X, f64::from(*length));
+            let span = span.ok_or(Error::Argument {
+                what: format!("{}: the ray has no length", stress.name),
+                remedy: "give it one",
+            })?;
+            ask(method, || medium.any_ray(&span, 1.0), Grey, depth)?
         }
         Subject::Picture(scene, expected, max_bounces) => {
             render_picture(method, scene, expected, *max_bounces)?

@@ -6,8 +6,7 @@ use glam::{DAffine3, DQuat, DVec3, Vec3};
 use pileus_media::distance::Equiangular;
 use pileus_media::phase::ISOTROPIC;
 use pileus_media::{
-    Albedo, GridMedium, HomogeneousMedium, Interpolation, Medium, Phase, Tally, VoxelGrid,
-    VoxelGridOptions, optical_depth,
+    Albedo, Interpolation, Medium, Phase, Tally, VoxelGrid, VoxelGridOptions, optical_depth,
 };
 use pileus_scene::{
     Camera, Environment, EnvironmentImage, Light, Point, Scene, Volume, VolumeSource,
@@ -22,9 +21,9 @@ pub(super) enum Subject {
     /// A closed form, with the extinction of channels relative to it.
     Chromatic(ProfileCase, Vec3),
     /// A ray of a grid.
-    Grid(Arc<GridMedium>, DVec3, Vec3),
+    Grid(Arc<Medium>, DVec3, Vec3),
     /// A ray of a homogeneous medium, perhaps without end.
-    Homogeneous(HomogeneousMedium, f32),
+    Homogeneous(Medium, f32),
     /// A small picture, the expectations of its pixels, row by row, and the most scattering events.
     Picture(Box<Scene>, Vec<f64>, Option<u32>),
 }
@@ -91,12 +90,13 @@ fn grid(
     values: &[f32],
     to_world: DAffine3,
     sigma_t: f32,
-) -> Result<Arc<GridMedium>, Error> {
+) -> Result<Arc<Medium>, Error> {
     let tree = Tree::from_dense(0.0f32, corner, size, values);
     let options = VoxelGridOptions { interpolation: Interpolation::Trilinear };
     let grid = VoxelGrid::from_tree(&tree, &options).map_err(Error::Media)?;
     let albedo = Albedo::Constant([1.0; 3]);
-    let medium = GridMedium::new(Arc::new(grid), to_world, [sigma_t; 3], albedo, Phase::Isotropic);
+    let medium =
+        Medium::from_grid(Arc::new(grid), to_world, [sigma_t; 3], albedo, Phase::Isotropic);
     Ok(Arc::new(medium.map_err(Error::Media)?))
 }
 
@@ -114,7 +114,7 @@ fn picture(sigma_t: f32, albedo: f32, g: f32, lit: Lit) -> Result<Box<Scene>, Er
     let tree = Tree::from_dense(0.0f32, [0; 3], [16; 3], &lumps(16));
     let options = VoxelGridOptions { interpolation: Interpolation::Trilinear };
     let grid = VoxelGrid::from_tree(&tree, &options).map_err(Error::Media)?;
-    let medium = GridMedium::new(
+    let medium = Medium::from_grid(
         Arc::new(grid),
         to_world,
         [sigma_t; 3],
@@ -139,7 +139,7 @@ fn picture(sigma_t: f32, albedo: f32, g: f32, lit: Lit) -> Result<Box<Scene>, Er
         camera: Camera::look_at(eye, DVec3::ZERO, DVec3::Y, 12.0, [8, 8]).map_err(Error::Scene)?,
         volumes: vec![Volume {
             name: "lumps".into(),
-            medium: Arc::new(Medium::Grid(medium)),
+            medium: Arc::new(medium),
             emission: None,
             source: VolumeSource::Homogeneous,
         }],
@@ -151,27 +151,27 @@ fn picture(sigma_t: f32, albedo: f32, g: f32, lit: Lit) -> Result<Box<Scene>, Er
 }
 
 /// Expectations of all pixels of a picture, row by row.
-fn pixels(scene: &Scene, expected: impl Fn(&GridMedium, DVec3, Vec3) -> f64) -> Vec<f64> {
+fn pixels(scene: &Scene, expected: impl Fn(&Medium, DVec3, Vec3) -> f64) -> Vec<f64> {
     let [width, height] = scene.camera.resolution();
-    let Some(Medium::Grid(grid)) = scene.volumes.first().map(|v| &*v.medium) else {
+    let Some(medium) = scene.volumes.first().map(|v| &*v.medium) else {
         return Vec::new();
     };
     let middle = |i: u32| [f64::from(i % width) + 0.5, f64::from(i / width) + 0.5];
     (0..width * height)
         .map(|i| {
             let (origin, direction) = scene.camera.ray(middle(i));
-            expected(grid, origin, direction)
+            expected(medium, origin, direction)
         })
         .collect()
 }
 
-fn depth(grid: &GridMedium, origin: DVec3, direction: DVec3, t_max: f64) -> f64 {
+fn depth(grid: &Medium, origin: DVec3, direction: DVec3, t_max: f64) -> f64 {
     optical_depth(grid, origin, direction, 0.0, t_max, &mut Tally::default())
 }
 
 /// Radiance scattered once from a point light of unit intensity by isotropic, white lumps: midpoints in the angle seen from the light, on each
 /// side of the point nearest to it.
-fn single_scattering(grid: &GridMedium, origin: DVec3, direction: Vec3, light: DVec3) -> f64 {
+fn single_scattering(grid: &Medium, origin: DVec3, direction: Vec3, light: DVec3) -> f64 {
     const POINTS: u32 = 400;
     let Some(span) = grid.span(origin, direction, f64::INFINITY) else {
         return 0.0;
@@ -343,7 +343,7 @@ pub(super) fn all_stresses() -> Result<Vec<Stress>, Error> {
         Subject::Profile(ProfileCase { length: 0.0, ..waves(3.0, 1.0) }),
     );
     let fog =
-        HomogeneousMedium::new([0.5; 3], None, [1.0; 3], Phase::Isotropic).map_err(Error::Media)?;
+        Medium::homogeneous([0.5; 3], None, [1.0; 3], Phase::Isotropic).map_err(Error::Media)?;
     add("infinite", "fog without end", Subject::Homogeneous(fog, f32::INFINITY));
     let mut bad = lumpy.clone();
     for (i, value) in bad.iter_mut().enumerate() {

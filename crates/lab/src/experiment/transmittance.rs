@@ -8,7 +8,7 @@ use pileus_media::transmittance::{
     Control, DEBIASED_TEETH, Estimator, debiased_ray_marching, residual_ratio_tracking,
     unbiased_ray_marching,
 };
-use pileus_media::{ExactField, Grey, GridMedium, Tally, Voxel, VoxelKernel};
+use pileus_media::{ExactField, Grey, GridShape, Medium, Span, Tally, Voxel, VoxelKernel};
 use rand_pcg::Pcg32;
 use std::time::Instant;
 
@@ -80,7 +80,7 @@ pub enum Subject<'a> {
     /// Rays through a grid.
     Rays {
         /// The medium.
-        medium: &'a GridMedium,
+        medium: &'a Medium,
         /// Rays of it.
         rays: Vec<LabRay>,
     },
@@ -128,28 +128,33 @@ fn sample<F: ExactField>(
     samples
 }
 
-struct OnGrid<'a> {
-    medium: &'a GridMedium,
+struct OnRays<'a> {
+    medium: &'a Medium,
     rays: &'a [LabRay],
     settings: &'a TransmittanceSettings,
     method: TransmittanceMethod,
 }
 
-impl VoxelKernel for OnGrid<'_> {
-    type Output = Vec<Measured>;
-    fn run<V: Voxel>(self, voxels: &[V]) -> Vec<Measured> {
+impl OnRays<'_> {
+    fn measure<F: ExactField>(&self, field: impl Fn(&Span) -> F) -> Vec<Measured> {
         let measure = |(i, ray): (usize, &LabRay)| {
             let span = self.medium.span(ray.origin, ray.direction, f64::INFINITY)?;
-            let (settings, method) = (self.settings, self.method);
-            let samples = if self.medium.is_wide() {
-                sample(settings, method, i as u64, || self.medium.any_ray(&span))
-            } else {
-                sample(settings, method, i as u64, || self.medium.ray(voxels, &span))
-            };
+            let samples = sample(self.settings, self.method, i as u64, || field(&span));
             let exact = (-ray.optical_depth).exp();
             Some(Measured { class: ray.class.name().to_owned(), exact, samples })
         };
         self.rays.iter().enumerate().filter_map(measure).collect()
+    }
+}
+
+/// On a grid whose rays are compiled for its voxels.
+struct OnGrid<'a>(OnRays<'a>, &'a GridShape);
+
+impl VoxelKernel for OnGrid<'_> {
+    type Output = Vec<Measured>;
+    fn run<V: Voxel>(self, voxels: &[V]) -> Vec<Measured> {
+        let OnGrid(rays, grid) = self;
+        rays.measure(|span| grid.ray(voxels, span, 1.0))
     }
 }
 
@@ -256,7 +261,11 @@ pub fn chart_transmittance(
     for method in &settings.methods {
         let measured = match subject {
             Subject::Rays { medium, rays } => {
-                medium.with_voxels(OnGrid { medium, rays, settings, method: *method })
+                let on = OnRays { medium, rays, settings, method: *method };
+                match medium.default_grid() {
+                    Some(grid) => grid.with_voxels(OnGrid(on, grid)),
+                    None => on.measure(|span| medium.any_ray(span, 1.0)),
+                }
             }
             Subject::Profiles(cases) => cases
                 .iter()

@@ -2,11 +2,12 @@
 
 use super::spectral::real_probability;
 use super::{Flight, WeightedFlight};
-use crate::channels::{Channels, Spectrum};
+use crate::channels::Channels;
 use crate::collisions::TentativeCollisions;
 use crate::field::RayField;
-use crate::random::Decision;
 use crate::tally::Tally;
+use pileus_math::Spectrum;
+use pileus_math::random::Decision;
 use rand_core::Rng;
 
 /// Flies to the next real collision.
@@ -38,9 +39,7 @@ pub fn decomposition_tracking<F: RayField, C: Channels, R: Rng + ?Sized>(
             weight = weight.times(control * (1.0 / p_control));
             break Flight::Collision(tentative.t);
         }
-        let sigma_t = walk.sigma_t(tentative);
-        tally.lookups += 1;
-        tally.violations += u64::from(sigma_t > tentative.majorant);
+        let sigma_t = walk.sigma_t(tentative, tally);
         let real = channels.of(sigma_t / tentative.majorant);
         let residual = (real - control).map(|r| r.max(0.0));
         let p_residual = real_probability(residual, throughput).min(1.0 - p_control);

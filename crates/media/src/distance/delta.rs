@@ -3,11 +3,12 @@
 use super::spectral::real_probability;
 use super::tracking::track;
 use super::{Flight, WeightedFlight};
-use crate::channels::{Channels, Spectrum};
+use crate::channels::Channels;
 use crate::collisions::TentativeCollisions;
 use crate::field::RayField;
-use crate::random::happens_of;
 use crate::tally::Tally;
+use pileus_math::Spectrum;
+use pileus_math::random::happens_of;
 use rand_core::Rng;
 
 /// Flies to the next real collision.
@@ -26,9 +27,7 @@ pub fn delta_tracking<F: RayField, R: Rng + ?Sized>(
         let Some(tentative) = walk.next(rng) else {
             break Flight::Escape;
         };
-        let sigma_t = walk.sigma_t(tentative);
-        tally.lookups += 1;
-        tally.violations += u64::from(sigma_t > tentative.majorant);
+        let sigma_t = walk.sigma_t(tentative, tally);
         if happens_of(sigma_t, tentative.majorant, rng) {
             tally.collisions += 1;
             break Flight::Collision(tentative.t);

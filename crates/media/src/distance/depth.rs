@@ -1,9 +1,10 @@
 //! Flights by optical depth: an exponential depth is drawn and inverted. Shared by the samplers that can invert it.
 
 use super::{Flight, WeightedFlight};
-use crate::channels::{Channels, Spectrum};
-use crate::random::Decision;
+use crate::channels::Channels;
 use crate::tally::Tally;
+use pileus_math::Spectrum;
+use pileus_math::random::Decision;
 use rand_core::Rng;
 
 /// `exp(-depth)` per channel; no extinction over an infinite length has no depth.

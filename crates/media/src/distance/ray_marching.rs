@@ -4,9 +4,9 @@ use super::WeightedFlight;
 use super::depth::fly_by_depth;
 use crate::channels::Channels;
 use crate::field::RayField;
-use crate::random::uniform;
 use crate::stretch::Stretch;
 use crate::tally::Tally;
+use pileus_math::random::uniform;
 use rand_core::Rng;
 
 /// Steps along a whole ray.

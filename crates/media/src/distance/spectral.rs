@@ -2,10 +2,11 @@
 
 use super::WeightedFlight;
 use super::tracking::track;
-use crate::channels::{Channels, Spectrum};
+use crate::channels::Channels;
 use crate::collisions::TentativeCollisions;
 use crate::field::RayField;
 use crate::tally::Tally;
+use pileus_math::Spectrum;
 use rand_core::Rng;
 
 /// Probability of taking a tentative collision for real: the mean of `real`, extinction over majorant per channel, by the throughput `beta`.

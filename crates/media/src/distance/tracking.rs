@@ -1,11 +1,12 @@
 //! The walk that all trackers share which look up the extinction at every tentative collision; they differ in how they decide.
 
 use super::{Flight, WeightedFlight};
-use crate::channels::{Channels, Spectrum};
+use crate::channels::Channels;
 use crate::collisions::TentativeCollisions;
 use crate::field::RayField;
-use crate::random::happens;
 use crate::tally::Tally;
+use pileus_math::Spectrum;
+use pileus_math::random::happens;
 use rand_core::Rng;
 
 /// Walks until a tentative collision is taken for real. `probability`: of that decision, from extinction over majorant per channel and the
@@ -25,9 +26,7 @@ pub(super) fn track<F: RayField, C: Channels, R: Rng + ?Sized>(
         let Some(tentative) = walk.next(rng) else {
             break Flight::Escape;
         };
-        let sigma_t = walk.sigma_t(tentative);
-        tally.lookups += 1;
-        tally.violations += u64::from(sigma_t > tentative.majorant);
+        let sigma_t = walk.sigma_t(tentative, tally);
         let real = channels.of(sigma_t / tentative.majorant);
         let p = probability(real, beta.times(weight));
         if happens(p, rng) {

@@ -2,10 +2,11 @@
 
 use super::depth::choose_channel;
 use super::{Flight, WeightedFlight};
-use crate::channels::{Channels, Spectrum};
+use crate::channels::Channels;
 use crate::field::ExactField;
 use crate::law::Passage;
 use crate::tally::Tally;
+use pileus_math::Spectrum;
 use rand_core::Rng;
 
 /// Flies until the optical depth reaches one drawn from the law of `passage`. `drawn`: an exponential variate.

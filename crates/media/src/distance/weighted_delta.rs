@@ -3,10 +3,11 @@
 use super::WeightedFlight;
 use super::spectral::real_probability;
 use super::tracking::track;
-use crate::channels::{Channels, Spectrum};
+use crate::channels::Channels;
 use crate::collisions::TentativeCollisions;
 use crate::field::RayField;
 use crate::tally::Tally;
+use pileus_math::Spectrum;
 use rand_core::Rng;
 
 /// Flies to the next real collision.

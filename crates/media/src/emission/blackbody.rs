@@ -1,8 +1,9 @@
 //! Colour of thermal radiation by temperature, from a table.
 
-use super::observer::{LUMINANCE, rgb_of_xyz, xyz};
-use crate::elementary::{exp, ln};
+use super::observer::{rgb_of_xyz, xyz};
 use glam::Vec3;
+use pileus_math::elementary::{exp, ln};
+use pileus_math::luminance;
 use std::sync::OnceLock;
 
 /// Below this temperature nothing is given off, kelvin: the luminance is some 1e-13 of that at 2000 K.
@@ -135,7 +136,7 @@ fn luminance_and_color(kelvin: f64) -> (f64, Vec3) {
     let xyz = xyz(kelvin);
     let rgb = rgb_of_xyz(xyz).map(|c| (c / xyz[1]).max(0.0) as f32);
     let color = Vec3::from_array(rgb);
-    (xyz[1], color / color.dot(Vec3::from_array(LUMINANCE)))
+    (xyz[1], color / luminance(color))
 }
 
 #[cfg(test)]
@@ -151,7 +152,7 @@ mod tests {
             let kelvin = 500.0 * 40.0f64.powf(f64::from(i) / 4999.0).min(40.0);
             let (luminance, color) = luminance_and_color(kelvin);
             let found = blackbody(kelvin, Absolute).as_dvec3();
-            let y = found.dot(Vec3::from_array(LUMINANCE).as_dvec3());
+            let y = found.dot(glam::DVec3::from_array(pileus_math::LUMINANCE));
             worst_luminance = worst_luminance.max((y / luminance - 1.0).abs());
             let exact = color.as_dvec3() * luminance;
             worst_color =
@@ -172,10 +173,10 @@ mod tests {
         let blue = color(20_000.0);
         assert!(blue.z > 1.5 * blue.x, "{blue}");
         for kelvin in [800.0, 1500.0, 3000.0, 9000.0] {
-            let luminance = color(kelvin).dot(Vec3::from_array(LUMINANCE));
+            let luminance = luminance(color(kelvin));
             assert!((luminance - 1.0).abs() < 1e-5);
         }
-        assert!((color(650.0).dot(Vec3::from_array(LUMINANCE)) - 0.5).abs() < 1e-5);
+        assert!((luminance(color(650.0)) - 0.5).abs() < 1e-5);
     }
 
     #[test]

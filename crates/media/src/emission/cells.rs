@@ -3,11 +3,11 @@
 //! Cell `i` of the bounds spans `[i, i + 1]` of the source's index space, whatever the transforms of its grids. The descent goes from cubes around everything to cubes of
 //! 8 voxels, as far as there may be light: its time and memory go with the bricks of the grids, not with the space they span.
 
-use super::observer::LUMINANCE;
 use super::source::{Bound, EmissionSource};
 use crate::Error;
 use crate::grid::{Interpolation, VoxelGrid, VoxelGridOptions};
 use glam::{DMat3, DVec3, Vec3};
+use pileus_math::{Bounds3, luminance};
 use pileus_vdb::{LEAF_VALUES, Tile, Tree};
 use rayon::prelude::*;
 use std::collections::{BTreeSet, HashSet};
@@ -47,6 +47,14 @@ impl Cube {
 
     pub(super) fn edge(self) -> f64 {
         f64::from(1u32 << self.log2)
+    }
+
+    fn volume(self) -> f64 {
+        self.edge() * self.edge() * self.edge()
+    }
+
+    fn bounds(self) -> Bounds3 {
+        Bounds3::new(self.low(), self.low() + self.edge())
     }
 
     fn children(self) -> impl Iterator<Item = Cube> {
@@ -161,7 +169,7 @@ impl Cells {
             }
             64.0 * parts.map(f64::from).iter().sum::<f64>()
         });
-        let blocks = self.blocks.iter().map(|b| f64::from(b.bound) * b.cube.edge().powi(3));
+        let blocks = self.blocks.iter().map(|b| f64::from(b.bound) * b.cube.volume());
         let sum = bricks.sum::<f64>() + blocks.sum::<f64>();
         sum * index_to_world.determinant().abs() / area
     }
@@ -169,7 +177,7 @@ impl Cells {
 
 /// Bricks in which the emission varies, and blocks with their bounds.
 fn descend(source: &EmissionSource) -> (Vec<Cube>, Vec<(Cube, Bound)>) {
-    let Some((low, high)) = source.support() else { return (Vec::new(), Vec::new()) };
+    let Some(Bounds3 { low, high }) = source.support() else { return (Vec::new(), Vec::new()) };
     let first = low.floor().to_array().map(|c| c as i64);
     let last = high.ceil().to_array().map(|c| c as i64 - 1);
     // Cubes of which two along an axis cover everything; below 2^30, so that origins and edges stay in range.
@@ -190,10 +198,7 @@ fn descend(source: &EmissionSource) -> (Vec<Cube>, Vec<(Cube, Bound)>) {
     let budget = source.bricks().saturating_mul(4).saturating_add(1 << 13);
     let mut blocks = Vec::new();
     loop {
-        let bounds: Vec<_> = active
-            .par_iter()
-            .map(|cube| source.bound(cube.low(), cube.low() + cube.edge()))
-            .collect();
+        let bounds: Vec<_> = active.par_iter().map(|cube| source.bound(cube.bounds())).collect();
         let mut varied = Vec::new();
         for (cube, bound) in active.iter().zip(bounds) {
             if bound.max > 0.0 && bound.constant && TILES.contains(&log2) {
@@ -208,7 +213,7 @@ fn descend(source: &EmissionSource) -> (Vec<Cube>, Vec<(Cube, Bound)>) {
         {
             let cubes: BTreeSet<Cube> = varied.iter().map(|cube| cube.around(size)).collect();
             blocks.extend(cubes.into_iter().map(|cube| {
-                let Bound { max, constant } = source.bound(cube.low(), cube.low() + cube.edge());
+                let Bound { max, constant } = source.bound(cube.bounds());
                 // Few distinct bounds, so that the tables that lead to them are shared.
                 (cube, Bound { max: power_of_two_above(max), constant })
             }));
@@ -241,7 +246,7 @@ fn mean_luminance(source: &EmissionSource, low: DVec3, edge: f64) -> f32 {
         let node = [corner >> 2 & 1, corner >> 1 & 1, corner & 1].map(|i: usize| NODES[i]);
         sum += source.at(low + edge * DVec3::from_array(node));
     }
-    sum.dot(Vec3::from_array(LUMINANCE)) / 8.0
+    luminance(sum) / 8.0
 }
 
 /// Bounds and weights of a brick's cells; `None` if there is no light in it.
@@ -251,7 +256,7 @@ fn brick(source: &EmissionSource, cube: Cube) -> Option<Brick> {
     let mut power = 0.0;
     for (i, (bound, weight)) in bounds.iter_mut().zip(weights.iter_mut()).enumerate() {
         let low = cube.low() + DVec3::from_array([i >> 6, i >> 3 & 7, i & 7].map(|c| c as f64));
-        *bound = source.bound(low, low + 1.0).max;
+        *bound = source.bound(Bounds3::new(low, low + 1.0)).max;
         if *bound > 0.0 {
             let luminance = mean_luminance(source, low, 1.0);
             power += f64::from(luminance);
@@ -270,7 +275,7 @@ fn block(source: &EmissionSource, cube: Cube, bound: Bound) -> Block {
         let part = [i / parts / parts, i / parts % parts, i % parts].map(f64::from);
         sum += f64::from(mean_luminance(source, cube.low() + edge * DVec3::from_array(part), edge));
     }
-    let power = sum * edge.powi(3);
-    let least = f64::from(LEAST_WEIGHT * bound.max) * cube.edge().powi(3);
+    let power = sum * edge * edge * edge;
+    let least = f64::from(LEAST_WEIGHT * bound.max) * cube.volume();
     Block { cube, bound: bound.max, weight: power.max(least).max(f64::MIN_POSITIVE), power }
 }

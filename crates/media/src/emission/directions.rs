@@ -5,8 +5,9 @@
 //! give off and let out towards the point: the optical depth to the outside is tabulated along the 26 directions to the neighbours of a cell.
 
 use super::field::EmissionField;
-use crate::elementary::exp;
 use glam::{DAffine3, DVec3, Vec3};
+use pileus_math::Bounds3;
+use pileus_math::elementary::exp;
 use rayon::prelude::*;
 
 /// Blocks of cells along an axis, at most: what a choice looks at first.
@@ -244,21 +245,10 @@ impl EmissionDirections {
     pub fn pdf(&self, view: &EmissionView, wi: Vec3) -> f32 {
         let o = self.world_to_lattice.transform_point3(view.p);
         let d = self.world_to_lattice.transform_vector3(wi.as_dvec3());
-        let (inverse, size) = (d.recip(), DVec3::from_array(self.size.map(|n| n as f64)));
-        let (a, b) = (-o * inverse, (size - o) * inverse);
-        let (mut t, mut t_end) = (0.0f64, f64::INFINITY);
-        for axis in 0..3 {
-            if d[axis] == 0.0 {
-                if !(o[axis] >= 0.0 && o[axis] < size[axis]) {
-                    return 0.0;
-                }
-            } else {
-                t = t.max(a[axis].min(b[axis]));
-                t_end = t_end.min(a[axis].max(b[axis]));
-            }
-        }
-        // Also refuses NaN.
-        if !(t < t_end && t_end.is_finite() && view.total > 0.0) {
+        let inverse = d.recip();
+        let lattice = Bounds3::new(DVec3::ZERO, DVec3::from_array(self.size.map(|n| n as f64)));
+        let Some((mut t, t_end)) = lattice.clip(o, d, 0.0, f64::INFINITY) else { return 0.0 };
+        if !(t_end.is_finite() && view.total > 0.0) {
             return 0.0;
         }
         let start = o + d * t;

@@ -1,14 +1,14 @@
 //! Emission placed in the world.
 
+use super::bounds::EmissionBounds;
 use super::cells::{Cells, EmissionReport};
 use super::lattice::Lattice;
 use super::source::EmissionSource;
 use crate::Error;
 use crate::field::RayField;
-use crate::medium::{Albedo, GridMedium};
-use crate::phase::Phase;
 use crate::tally::Tally;
 use glam::{DAffine3, DVec3, Vec3};
+use pileus_math::Bounds3;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -22,13 +22,11 @@ const POINTS_PER_LINE: f64 = 8.0;
 #[derive(Debug, Clone)]
 pub struct EmissionField {
     source: Arc<EmissionSource>,
-    /// The bounds as if they were extinction: the rate of points, 1/length.
-    bounds: GridMedium,
+    /// The rate of points, 1/length.
+    bounds: EmissionBounds,
     lattice: Arc<Lattice>,
     index_to_world: DAffine3,
     world_to_index: DAffine3,
-    /// Rate over emission.
-    rate_factor: f32,
     power: f64,
     report: EmissionReport,
 }
@@ -73,15 +71,7 @@ impl EmissionField {
         let factor = POINTS_PER_LINE / cells.mean_along_lines(&index_to_world.matrix3);
         // Any factor is unbiased; where nothing emits it is no number, and never used.
         let rate_factor = if factor > 0.0 { factor.clamp(1e-30, 1e30) as f32 } else { 1.0 };
-        // Voxel i of the bounds is centred in its cell.
-        let cell_to_world = index_to_world * DAffine3::from_translation(DVec3::splat(0.5));
-        let bounds = GridMedium::new(
-            Arc::clone(&grid),
-            cell_to_world,
-            [rate_factor; 3],
-            Albedo::Constant([0.0; 3]),
-            Phase::Isotropic,
-        )?;
+        let bounds = EmissionBounds::new(Arc::clone(&grid), index_to_world, rate_factor)?;
         let lattice = Lattice::new(&cells);
         let of_grid = grid.report();
         let report = EmissionReport {
@@ -99,7 +89,6 @@ impl EmissionField {
             lattice: Arc::new(lattice),
             index_to_world,
             world_to_index,
-            rate_factor,
             power: cells.power() * volume,
             report,
         })
@@ -142,8 +131,8 @@ impl EmissionField {
         }
         let Some(span) = self.bounds.span(origin, direction, t_max) else { return };
         let direction = direction.as_dvec3();
-        let local_to_index = self.bounds.grid().local_to_index() + 0.5;
-        let mut ray = self.bounds.point_ray(&span);
+        let local_to_index = self.bounds.local_to_index();
+        let mut ray = self.bounds.ray(&span);
         let spacing = f64::from(spacing);
         let mut next = f64::from(u) * spacing;
         let mut passed = 0.0f64;
@@ -157,9 +146,9 @@ impl EmissionField {
                 // Inside the cell whatever rounding says, so that its bound holds.
                 let p_index = ray.local_in_cell(t as f32) + local_to_index;
                 let emission = self.source.at(p_index);
-                tally.lookups += 1;
-                let most = self.rate_factor * emission.max_element();
-                tally.violations += u64::from(most > segment.majorant * (1.0 + 1e-6));
+                // Bounds and values are scaled apart from each other, and rounded.
+                let bound = segment.majorant * (1.0 + 1e-6);
+                tally.looked_up(self.bounds.rate_factor() * emission.max_element(), bound);
                 let t = ray.distance(t) + span.t_enter;
                 visit(EmissionPoint {
                     t,
@@ -175,7 +164,7 @@ impl EmissionField {
 
     /// Expected number of points of [`points`](EmissionField::points) per length at a point in the world, on any ray through it.
     pub fn rate(&self, p_world: DVec3) -> f32 {
-        self.bounds.point_rate(p_world)
+        self.bounds.rate_at(p_world)
     }
 
     pub(super) fn lattice(&self) -> &Lattice {
@@ -193,7 +182,7 @@ impl EmissionField {
     }
 
     /// The box in the world that holds all emission; `None` if nothing emits.
-    pub fn bounds_world(&self) -> Option<(DVec3, DVec3)> {
+    pub fn bounds_world(&self) -> Option<Bounds3> {
         if self.lattice.is_empty() { None } else { self.bounds.bounds_world() }
     }
 
@@ -214,10 +203,11 @@ mod tests {
     use super::super::directions::EmissionDirections;
     use super::super::ramp::ColorRamp;
     use super::*;
+    use crate::Albedo;
     use crate::color::ColorGrid;
     use crate::grid::{Interpolation, VoxelGrid, VoxelGridOptions};
-    use crate::random::uniform;
     use glam::DQuat;
+    use pileus_math::random::uniform;
     use pileus_vdb::{Tile, Tree};
     use proptest::prelude::*;
     use rand_pcg::Pcg32;
@@ -301,14 +291,14 @@ mod tests {
             let field = EmissionField::new(source(kind, seed, to), turned(angle, scale)).unwrap();
             let mut rng = Pcg32::new(seed, 2);
             let directions = EmissionDirections::new(&field, |_| 1.0);
-            if let (Some((low, high)), Some(directions)) = (field.bounds_world(), directions) {
+            if let (Some(Bounds3 { low, high }), Some(directions)) = (field.bounds_world(), directions) {
                 let eye = high + (high - low) * DVec3::new(0.3, 2.0, -0.4);
                 let view = directions.view(eye);
                 for _ in 0..2000 {
                     let u = DVec3::from_array([(); 3].map(|()| f64::from(uniform(&mut rng))));
                     let p = low + (high - low) * u;
                     let most = field.emission(p).max_element();
-                    prop_assert!(most * field.rate_factor <= field.rate(p) * (1.0 + 1e-5));
+                    prop_assert!(most * field.bounds.rate_factor() <= field.rate(p) * (1.0 + 1e-5));
                     let to = (p - eye).normalize().as_vec3();
                     prop_assert!((most > 0.0) <= (directions.pdf(&view, to) > 0.0));
                 }
@@ -375,7 +365,7 @@ mod tests {
             let p = 512.0 * DVec3::from_array([(); 3].map(|()| f64::from(uniform(&mut rng))));
             let emission = field.emission(p);
             let most = emission.max_element();
-            assert!(most * field.rate_factor <= field.rate(p) * (1.0 + 1e-5));
+            assert!(most * field.bounds.rate_factor() <= field.rate(p) * (1.0 + 1e-5));
             let to = (p + 600.0).normalize().as_vec3();
             assert!(most == 0.0 || directions.pdf(&view, to) > 0.0);
             found += usize::from(most > 0.0);

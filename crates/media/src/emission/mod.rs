@@ -1,6 +1,7 @@
 //! Light from volumes: what a field of emission gives off, points along rays for its line integral, and directions towards it for its light.
 
 mod blackbody;
+mod bounds;
 mod cells;
 mod directions;
 mod field;

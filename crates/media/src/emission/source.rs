@@ -5,8 +5,9 @@ use super::ramp::ColorRamp;
 use crate::Error;
 use crate::grid::VoxelGrid;
 use crate::index_map::{box_over, snapped};
-use crate::medium::{Albedo, check_albedo};
+use crate::medium::Albedo;
 use glam::{DAffine3, DVec3, Vec3};
+use pileus_math::Bounds3;
 use std::sync::Arc;
 
 /// Where emission comes from. Index space is that of the first grid of each kind; emission is radiance per length in linear Rec. 709.
@@ -95,9 +96,7 @@ impl EmissionSource {
             ..
         } = &mut self
         {
-            if let Albedo::Constant(albedo) = albedo {
-                check_albedo(albedo)?;
-            }
+            albedo.check()?;
             let finite = kelvin_per_unit.is_finite() && kelvin_offset.is_finite();
             if !(finite && *kelvin_per_unit >= 0.0) {
                 return Err(Error::invalid(
@@ -150,15 +149,14 @@ impl EmissionSource {
     }
 
     /// The box of index space outside which there is no emission; `None` if there is none at all.
-    pub(crate) fn support(&self) -> Option<(DVec3, DVec3)> {
+    pub(crate) fn support(&self) -> Option<Bounds3> {
         match self {
             EmissionSource::Grid { grid, .. }
             | EmissionSource::Ramp { grid, .. }
             | EmissionSource::Blackbody { density: grid, .. } => grid.bounds_index(),
-            EmissionSource::Channels { channels, .. } => channels
-                .iter()
-                .filter_map(|grid| grid.bounds_index())
-                .reduce(|a, b| (a.0.min(b.0), a.1.max(b.1))),
+            EmissionSource::Channels { channels, .. } => {
+                channels.iter().filter_map(|grid| grid.bounds_index()).reduce(Bounds3::union)
+            }
         }
     }
 
@@ -213,40 +211,40 @@ impl EmissionSource {
     }
 
     /// Bound of the emission over a closed box of index space.
-    pub(crate) fn bound(&self, low: DVec3, high: DVec3) -> Bound {
+    pub(crate) fn bound(&self, bounds: Bounds3) -> Bound {
         match self {
             EmissionSource::Grid { grid, color } => {
-                let (min, max) = grid.range_over(low, high);
+                let (min, max) = grid.range_over(bounds);
                 let color = Vec3::from_array(*color).max_element();
                 Bound { max: color * max * MARGIN, constant: min == max }
             }
             EmissionSource::Channels { channels, color } => {
                 let mut bound = Bound::BLACK;
                 for (grid, color) in channels.iter().zip(color) {
-                    let (min, max) = grid.range_over(low, high);
+                    let (min, max) = grid.range_over(bounds);
                     bound.max = bound.max.max(color * max * MARGIN);
                     bound.constant &= min == max;
                 }
                 bound
             }
             EmissionSource::Ramp { grid, ramp } => {
-                let (min, max) = grid.range_over(low, high);
+                let (min, max) = grid.range_over(bounds);
                 // Values may lie beyond the range by rounding, where the ramp may be steep: nodes that close count.
                 let (below, above) = (min * (2.0 - MARGIN), max * MARGIN);
                 Bound { max: ramp.bound(below, above) * MARGIN, constant: min == max }
             }
             EmissionSource::Blackbody { density, .. } => {
-                let (min, max) = density.range_over(low, high);
+                let (min, max) = density.range_over(bounds);
                 if max == 0.0 {
                     return Bound::BLACK;
                 }
-                self.thermal_bound(low, high, (min, max))
+                self.thermal_bound(bounds, (min, max))
             }
         }
     }
 
     /// That of a black body where there is density.
-    fn thermal_bound(&self, low: DVec3, high: DVec3, density: (f32, f32)) -> Bound {
+    fn thermal_bound(&self, bounds: Bounds3, density: (f32, f32)) -> Bound {
         let EmissionSource::Blackbody {
             sigma_t,
             albedo,
@@ -261,8 +259,7 @@ impl EmissionSource {
         else {
             return Bound::BLACK;
         };
-        let (from, to) = box_over(to_temperature, low, high);
-        let (coldest, hottest) = temperature.range_over(from, to);
+        let (coldest, hottest) = temperature.range_over(box_over(to_temperature, bounds));
         let kelvin = |value: f32| kelvin_per_unit * f64::from(value) + kelvin_offset;
         // A hair warmer than the range, for rounding; only radiance near 500 K would notice.
         let hottest_kelvin = kelvin(hottest) + kelvin_offset.abs() * 1e-12;
@@ -272,9 +269,7 @@ impl EmissionSource {
         }
         let (absorbing, same_albedo) = match albedo {
             Albedo::Constant(albedo) => (1.0 - Vec3::from_array(*albedo), true),
-            Albedo::Grid(grid) => {
-                (1.0 - grid.least_over(low, high), grid.is_constant_over(low, high))
-            }
+            Albedo::Grid(grid) => (1.0 - grid.least_over(bounds), grid.is_constant_over(bounds)),
         };
         let sigma_a = (Vec3::from_array(*sigma_t) * absorbing).max_element();
         Bound {

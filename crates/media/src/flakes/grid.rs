@@ -185,11 +185,13 @@ impl FlakeGrid {
         let s = match &self.kind {
             Kind::Entries { scale } => of(0.0, *scale),
             Kind::Fibre(roughness) => {
-                let r2 = roughness.at_index(p_index).powi(2);
+                let r = roughness.at_index(p_index);
+                let r2 = r * r;
                 of(1.0, r2 - 1.0)
             }
             Kind::Surface(roughness) => {
-                let r2 = roughness.at_index(p_index).powi(2);
+                let r = roughness.at_index(p_index);
+                let r2 = r * r;
                 of(r2, 1.0 - r2)
             }
         };

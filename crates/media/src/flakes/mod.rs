@@ -15,8 +15,8 @@ pub use ray::FlakeRay;
 pub use sggx::{MIN_ROUGHNESS, Sggx};
 
 use crate::phase::PhaseAt;
-use crate::random::uniform;
 use glam::{DMat3, DVec3, Mat3, Vec3};
+use pileus_math::random::uniform;
 use rand_core::Rng;
 use std::fmt;
 
@@ -116,7 +116,7 @@ impl fmt::Display for Flakes {
 
 /// The orthogonal matrix nearest to a linear map, by Newton's iteration for the polar decomposition [Higham 1986]; the identity for maps without an inverse.
 fn rotation_of(map: DMat3) -> DMat3 {
-    let size = map.determinant().abs().cbrt();
+    let size = libm::cbrt(map.determinant().abs());
     if !(size.is_normal() && map.is_finite()) {
         return DMat3::IDENTITY;
     }

@@ -3,9 +3,9 @@
 //! A symmetric positive matrix S says how much area the flakes in a unit of volume show to every direction: `sigma(w) = sqrt(w' S w)`. All of it is computed in
 //! double precision: for thin fibres det S is 1e-6, which single precision cannot carry through an inverse.
 
-use crate::elementary::sin_cos_turn;
-use crate::phase::basis;
 use glam::{DMat3, DVec3, Mat3, Vec3};
+use pileus_math::basis;
+use pileus_math::elementary::sin_cos_turn;
 use std::f64::consts::PI;
 
 /// Least roughness: of smaller ones the distribution is beyond single precision.
@@ -40,13 +40,15 @@ impl Sggx {
 
     /// Flakes around a fibre along the unit vector `axis`: area 1 across, `roughness` (clamped to [0.001, 1]) along it.
     pub fn fibre(axis: Vec3, roughness: f32) -> Sggx {
-        let r2 = roughness.clamp(MIN_ROUGHNESS, 1.0).powi(2);
+        let r = roughness.clamp(MIN_ROUGHNESS, 1.0);
+        let r2 = r * r;
         Sggx::of(DMat3::IDENTITY - outer(axis) * f64::from(1.0 - r2))
     }
 
     /// Flakes of a surface with the unit normal `normal`: area 1 along it, `roughness` (clamped to [0.001, 1]) across.
     pub fn surface(normal: Vec3, roughness: f32) -> Sggx {
-        let r2 = f64::from(roughness.clamp(MIN_ROUGHNESS, 1.0).powi(2));
+        let r = roughness.clamp(MIN_ROUGHNESS, 1.0);
+        let r2 = f64::from(r * r);
         Sggx::of(DMat3::IDENTITY * r2 + outer(normal) * (1.0 - r2))
     }
 

@@ -1,7 +1,7 @@
 //! Range of a grid over any box of its index space, in bounded time.
 
 use super::VoxelGrid;
-use glam::DVec3;
+use pileus_math::Bounds3;
 
 /// Most voxels per axis that are looked at one by one.
 const VOXELS: i64 = 6;
@@ -9,9 +9,10 @@ const VOXELS: i64 = 6;
 const CELLS: i64 = 4;
 
 impl VoxelGrid {
-    /// Smallest and largest value that interpolation can return in the closed index box `low..=high`: never too narrow, exact for boxes within six voxels whose corners
-    /// are voxels. At most 216 lookups, whatever the size of the box.
-    pub(crate) fn range_over(&self, low: DVec3, high: DVec3) -> (f32, f32) {
+    /// Smallest and largest value that interpolation can return in a closed box of index space:
+    /// never too narrow, exact for boxes within six voxels whose corners are voxels. At most 216
+    /// lookups, whatever the size of the box.
+    pub(crate) fn range_over(&self, Bounds3 { low, high }: Bounds3) -> (f32, f32) {
         if !(low.is_finite() && high.is_finite()) {
             return self.range();
         }
@@ -66,6 +67,7 @@ impl VoxelGrid {
 mod tests {
     use super::*;
     use crate::grid::{Interpolation, VoxelGridOptions};
+    use glam::DVec3;
     use pileus_vdb::{Tile, Tree};
     use proptest::prelude::*;
 
@@ -88,7 +90,7 @@ mod tests {
             let grid = grid(kind);
             let low = DVec3::from_array(low);
             let size = DVec3::splat(log_size.exp2());
-            let (min, max) = grid.range_over(low, low + size);
+            let (min, max) = grid.range_over(Bounds3::new(low, low + size));
             for corner in 0..8 {
                 let part = DVec3::from_array([0, 1, 2].map(|axis| {
                     if corner >> axis & 1 == 1 { u[axis] } else { 1.0 - u[axis] }
@@ -102,15 +104,16 @@ mod tests {
     #[test]
     fn small_boxes_and_constant_regions_are_exact() {
         let grid = grid(Interpolation::Trilinear);
-        let at = |x: f64| grid.range_over(DVec3::splat(x), DVec3::splat(x + 1.0));
+        let over = |low, high| grid.range_over(Bounds3::new(low, high));
+        let at = |x: f64| over(DVec3::splat(x), DVec3::splat(x + 1.0));
         let corners = |x: i32| {
             let values = (0..8).map(|c| grid.value([x + (c & 1), x + (c >> 1 & 1), x + (c >> 2)]));
             values.fold((f32::MAX, f32::MIN), |(a, b), v| (a.min(v), b.max(v)))
         };
         assert_eq!(at(6.0), corners(6));
-        let inside = grid.range_over(DVec3::new(160.0, 40.0, 40.0), DVec3::new(224.0, 60.0, 60.0));
+        let inside = over(DVec3::new(160.0, 40.0, 40.0), DVec3::new(224.0, 60.0, 60.0));
         assert_eq!(inside, (7.0, 7.0));
-        assert_eq!(grid.range_over(DVec3::splat(-1e300), DVec3::splat(1e300)), grid.range());
-        assert_eq!(grid.range_over(DVec3::splat(1e9), DVec3::splat(2e9)), (0.0, 0.0));
+        assert_eq!(over(DVec3::splat(-1e300), DVec3::splat(1e300)), grid.range());
+        assert_eq!(over(DVec3::splat(1e9), DVec3::splat(2e9)), (0.0, 0.0));
     }
 }

@@ -19,6 +19,7 @@ pub use voxel::{Half, Voxel};
 
 use crate::method::Named;
 use glam::DVec3;
+use pileus_math::Bounds3;
 
 /// Values along an edge of a brick: 8 cells and the far face, so that interpolation never leaves the brick.
 pub(crate) const BRICK_EDGE: usize = 9;
@@ -126,13 +127,13 @@ impl VoxelGrid {
     }
 
     /// The box in index space outside which the field is the background; `None` if it is constant.
-    pub fn bounds_index(&self) -> Option<(DVec3, DVec3)> {
+    pub fn bounds_index(&self) -> Option<Bounds3> {
         if self.is_empty() {
             return None;
         }
         let offset = self.local_to_index();
         let corner = |c: [i32; 3]| DVec3::from_array(c.map(f64::from)) + offset;
-        Some((corner(self.support[0]), corner(self.support[1])))
+        Some(Bounds3::new(corner(self.support[0]), corner(self.support[1])))
     }
 
     /// What to add to local coordinates (in which cell `i` spans `[i, i + 1)`) for index coordinates.

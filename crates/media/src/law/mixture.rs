@@ -3,8 +3,8 @@
 use super::invert::depth_of;
 use super::{Law, Start};
 use crate::Error;
-use crate::random::Decision;
 use libm::exp;
+use pileus_math::random::Decision;
 use rand_core::Rng;
 use std::fmt;
 

@@ -2,9 +2,9 @@
 
 use super::Start;
 use crate::Error;
-use crate::elementary::{ln, sin_cos_turn};
-use crate::random::uniform;
 use libm::{exp, expm1, log, log1p};
+use pileus_math::elementary::{ln, sin_cos_turn};
+use pileus_math::random::uniform;
 use rand_core::Rng;
 use std::fmt;
 
@@ -82,7 +82,8 @@ fn gamma<R: Rng + ?Sized>(shape: f64, rng: &mut R) -> f64 {
         // A normal variate [Box and Muller 1958]; one minus a uniform number is never zero.
         let radius = (-2.0 * f64::from(ln(1.0 - uniform(rng)))).sqrt();
         let x = radius * f64::from(sin_cos_turn(uniform(rng)).1);
-        let v = (1.0 + c * x).powi(3);
+        let root = 1.0 + c * x;
+        let v = root * root * root;
         if !(v > 0.0) {
             continue;
         }

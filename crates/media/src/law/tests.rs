@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::Error;
-use crate::random::exponential;
+use pileus_math::random::exponential;
 use rand_pcg::Pcg32;
 
 /// One of every kind, and some of the edges.

@@ -3,6 +3,7 @@
 use super::cosine::Cosine;
 use super::henyey_greenstein::{self, MAX_G};
 use crate::Error;
+use std::f64::consts::TAU;
 
 /// Largest `alpha`: beyond it `1 + alpha cos^2` is `cos^2` for single precision.
 pub const MAX_ALPHA: f32 = 1e6;
@@ -67,10 +68,10 @@ impl Draine {
     pub(super) fn sample(&self, u: f32) -> Cosine {
         let target = 1.0 - f64::from(u);
         let (mut low, mut high) = (0.0f64, 2.0f64);
-        let mut x = f64::from(henyey_greenstein::one_minus_cos(self.g.abs(), u));
+        let mut x = f64::from(henyey_greenstein::sample_from_peak(self.g.abs(), u));
         for _ in 0..64 {
-            let (below, density) = self.cumulative(x);
-            let error = below - target;
+            let error = self.cumulative(x) - target;
+            let density = TAU * f64::from(self.eval_from_peak(Cosine::from_one_minus(x)));
             if error > 0.0 {
                 high = x;
             } else {
@@ -88,11 +89,16 @@ impl Draine {
         if self.g < 0.0 { forward.mirrored() } else { forward }
     }
 
-    /// Probability of `1 - cos` below `x` for |g|, and its density.
+    /// Value, 1/sr, for |g|.
+    fn eval_from_peak(&self, cosine: Cosine) -> f32 {
+        Draine { g: self.g.abs(), ..*self }.eval(cosine)
+    }
+
+    /// Probability of `1 - cos` below `x` for |g|.
     ///
     /// With `d^2 = (1-g)^2 + 2 g x` and `d0 = 1 - g` the integrals of `x^k / d^3` for k = 0, 1, 2 are closed forms without differences, so that no digits are
     /// lost for any `g`, zero included.
-    fn cumulative(&self, x: f64) -> (f64, f64) {
+    fn cumulative(&self, x: f64) -> f64 {
         let (g, alpha) = (f64::from(self.g.abs()), f64::from(self.alpha));
         let d0 = 1.0 - g;
         let d = (d0 * d0 + 2.0 * g * x).sqrt();
@@ -101,10 +107,6 @@ impl Draine {
         let first = 2.0 * x * x / (sum * sum * d);
         let second = 2.0 * x * x * x * (d + 3.0 * d0) / (3.0 * sum * sum * sum * d);
         let norm = 0.5 * (1.0 - g * g) / (1.0 + alpha * (1.0 + 2.0 * g * g) / 3.0);
-        let c = 1.0 - x;
-        (
-            norm * ((1.0 + alpha) * zeroth - 2.0 * alpha * first + alpha * second),
-            norm * (1.0 + alpha * c * c) / (d * d * d),
-        )
+        norm * ((1.0 + alpha) * zeroth - 2.0 * alpha * first + alpha * second)
     }
 }

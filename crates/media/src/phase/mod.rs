@@ -22,9 +22,9 @@ pub use lobe::{Lobe, MAX_LOBES, Mixture};
 pub use mie_fit::{MAX_DIAMETER, MIN_DIAMETER, MieFit};
 pub use tabulated::{MAX_ROWS, Tabulated};
 
-use crate::elementary::sin_cos_turn;
 use crate::flakes::{Flakes, Sggx};
 use glam::{DVec3, Vec3};
+use pileus_math::around;
 use rand_core::Rng;
 use std::f32::consts::{FRAC_1_PI, PI};
 use std::fmt;
@@ -169,11 +169,7 @@ impl PhaseAt<'_> {
     pub fn eval(&self, incoming: Vec3, wi: Vec3) -> f32 {
         match *self {
             PhaseAt::Isotropic => ISOTROPIC,
-            PhaseAt::HenyeyGreenstein { g } => {
-                let cos_theta = incoming.dot(wi);
-                let one_minus = (1.0 - cos_theta.copysign(cos_theta * g)).max(0.0);
-                henyey_greenstein::value(g.abs(), one_minus)
-            }
+            PhaseAt::HenyeyGreenstein { g } => henyey_greenstein::eval_directions(g, incoming, wi),
             other => eval_other(other, incoming, wi),
         }
     }
@@ -183,29 +179,11 @@ impl PhaseAt<'_> {
     pub fn sample(&self, incoming: Vec3, u: [f32; 2]) -> (Vec3, f32) {
         let (cos_theta, sin_theta, pdf) = match *self {
             PhaseAt::Isotropic => (1.0 - 2.0 * u[0], 2.0 * (u[0] * (1.0 - u[0])).sqrt(), ISOTROPIC),
-            PhaseAt::HenyeyGreenstein { g } => {
-                let one_minus = henyey_greenstein::one_minus_cos(g.abs(), u[0]);
-                let sin = (one_minus * (2.0 - one_minus)).sqrt();
-                (
-                    (1.0 - one_minus).copysign((1.0 - one_minus) * g),
-                    sin,
-                    henyey_greenstein::value(g.abs(), one_minus),
-                )
-            }
+            PhaseAt::HenyeyGreenstein { g } => henyey_greenstein::sample_with_value(g, u[0]),
             other => return sample_other(other, incoming, u),
         };
         (around(incoming, (cos_theta, sin_theta), u[1]), pdf)
     }
-}
-
-/// The direction at an angle to `axis`, for a number in [0, 1).
-#[inline(always)]
-fn around(axis: Vec3, (cos_theta, sin_theta): (f32, f32), u: f32) -> Vec3 {
-    let (sin_phi, cos_phi) = sin_cos_turn(u);
-    let (x, y) = basis(axis);
-    let wi = x * (sin_theta * cos_phi) + y * (sin_theta * sin_phi) + axis * cos_theta;
-    // One Newton step keeps the direction a unit vector over thousands of scatterings.
-    wi * (1.5 - 0.5 * wi.length_squared())
 }
 
 /// Out of line, as its sibling: kernels of clouds by Henyey-Greenstein hold none of it. By value, so that theirs need not be in memory.
@@ -234,16 +212,4 @@ fn sample_other(phase: PhaseAt<'_>, incoming: Vec3, u: [f32; 2]) -> (Vec3, f32) 
         }
         plain => plain.sample(incoming, u),
     }
-}
-
-/// Two unit vectors that form a right-handed orthonormal basis with the unit vector `n` (Duff et al. 2017).
-#[inline(always)]
-pub fn basis(n: Vec3) -> (Vec3, Vec3) {
-    let sign = 1f32.copysign(n.z);
-    let a = -1.0 / (sign + n.z);
-    let b = n.x * n.y * a;
-    (
-        Vec3::new(1.0 + sign * n.x * n.x * a, sign * b, -sign * n.x),
-        Vec3::new(b, sign + n.y * n.y * a, -n.y),
-    )
 }

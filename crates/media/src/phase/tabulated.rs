@@ -67,7 +67,10 @@ impl Tabulated {
             .iter()
             .map(|&(angle, _)| match angle {
                 180.0 => 2.0,
-                angle => 2.0 * libm::sin(angle * (PI / 360.0)).powi(2),
+                angle => {
+                    let half = libm::sin(angle * (PI / 360.0));
+                    2.0 * half * half
+                }
             })
             .collect();
         let (mut total, mut cosine) = (0.0f64, 0.0f64);

@@ -1,6 +1,6 @@
 use super::*;
-use crate::random::uniform;
 use glam::DAffine3;
+use pileus_math::random::uniform;
 use pileus_vdb::Tree;
 use rand_pcg::Pcg32;
 
@@ -132,13 +132,10 @@ fn directions_have_the_mean_cosine_and_their_density_is_the_value() {
         for _ in 0..n {
             let (wi, pdf) = phase.sample(incoming, [uniform(&mut rng), uniform(&mut rng)]);
             assert!((wi.length() - 1.0).abs() < 1e-5, "{name}: length {}", wi.length());
-            // The paths' own code takes the cosine, known to 1.2e-7: the steepest peak (|g| = 0.999) changes by 36 % over that. Lobes take differences of directions.
+            // Directions are rounded: that moves a point of the steepest peak, 1e-3 wide, by 1e-4 of
+            // its width.
             let value = phase.eval(incoming, wi);
-            let tolerance = if name.ends_with("of paths") { 0.36 } else { 0.15 };
-            assert!(
-                pdf > 0.0 && (value - pdf).abs() <= tolerance * pdf + 1e-4,
-                "{name}: {value} {pdf}"
-            );
+            assert!(pdf > 0.0 && (value - pdf).abs() <= 2e-3 * pdf, "{name}: {value} {pdf}");
             sum += wi.as_dvec3();
             squares += (wi * wi).as_dvec3();
         }
@@ -327,15 +324,4 @@ fn the_mean_cosine_comes_from_the_grid() {
     let broken = tree.map(|v| if v == 1.0 { f32::NAN } else { v });
     let grid = CosineGrid::new(&broken, 1.0, 0.25, DAffine3::IDENTITY).unwrap();
     assert!((grid.at_index(DVec3::X) - 0.25).abs() < 1e-6);
-}
-
-#[test]
-fn basis_is_orthonormal() {
-    let mut rng = Pcg32::new(3, 3);
-    for _ in 0..10_000 {
-        let n = PhaseAt::Isotropic.sample(Vec3::Z, [uniform(&mut rng), uniform(&mut rng)]).0;
-        let (x, y) = basis(n);
-        assert!((x.cross(y) - n).length() < 1e-5);
-        assert!(x.dot(y).abs() < 1e-6 && (x.length() - 1.0).abs() < 1e-5);
-    }
 }

@@ -1,11 +1,12 @@
 //! The null-collision series from both ends, every split of every order combined by the balance heuristic.
 
-use crate::channels::{Channels, Spectrum};
-use crate::elementary::exp;
+use crate::channels::Channels;
 use crate::field::RayField;
-use crate::random::exponential;
 use crate::stretch::{Stretch, product_over_stretches};
 use crate::tally::Tally;
+use pileus_math::Spectrum;
+use pileus_math::elementary::exp;
+use pileus_math::random::exponential;
 use rand_core::Rng;
 use smallvec::SmallVec;
 

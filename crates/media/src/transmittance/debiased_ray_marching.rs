@@ -1,12 +1,13 @@
 //! Ray marching debiased by a telescoping series [Misso et al. 2022; Rhee and Glynn 2015].
 
 use super::comb::comb;
-use crate::channels::{Channels, Spectrum};
-use crate::elementary::exp;
+use crate::channels::Channels;
 use crate::field::RayField;
-use crate::random::uniform;
 use crate::stretch::product_over_stretches;
 use crate::tally::Tally;
+use pileus_math::Spectrum;
+use pileus_math::elementary::exp;
+use pileus_math::random::uniform;
 use rand_core::Rng;
 
 /// Teeth of the coarsest comb.

@@ -1,10 +1,11 @@
 //! Transmittance by delta tracking [Woodcock 1965]: whether a free flight gets through.
 
-use crate::channels::{Channels, Spectrum};
+use crate::channels::Channels;
 use crate::collisions::TentativeCollisions;
 use crate::field::RayField;
-use crate::random::Decision;
 use crate::tally::Tally;
+use pileus_math::Spectrum;
+use pileus_math::random::Decision;
 use rand_core::Rng;
 
 /// One if a free flight escapes the field, else zero; one walk and one decision for all channels. Unbiased for a bound; relative variance
@@ -18,9 +19,7 @@ pub fn delta_transmittance<F: RayField, C: Channels, R: Rng + ?Sized>(
 ) -> C::Value {
     let mut open = C::Value::ONE;
     while let Some(next) = walk.next(rng) {
-        let sigma_t = walk.sigma_t(next);
-        tally.lookups += 1;
-        tally.violations += u64::from(sigma_t > next.majorant);
+        let sigma_t = walk.sigma_t(next, tally);
         let ratio = channels.of(sigma_t / next.majorant);
         let mut u = Decision::new(rng);
         for channel in 0..C::Value::COUNT {

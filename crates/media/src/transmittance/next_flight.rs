@@ -1,9 +1,10 @@
 //! The next-flight estimator [Cramer 1978]: at every vertex, the probability of reaching the end directly.
 
-use crate::channels::{Channels, Spectrum};
+use crate::channels::Channels;
 use crate::collisions::TentativeCollisions;
 use crate::field::RayField;
 use crate::tally::Tally;
+use pileus_math::Spectrum;
 use rand_core::Rng;
 
 /// An unbiased estimate of the transmittance; exact where the majorant is tight.
@@ -25,9 +26,7 @@ pub fn next_flight<F: RayField, C: Channels, R: Rng + ?Sized>(
         match walk.next_with_depth(rng) {
             Ok((next, depth)) => {
                 sum = sum.times(C::Value::splat(-depth).exp());
-                let sigma_t = walk.sigma_t(next);
-                tally.lookups += 1;
-                tally.violations += u64::from(sigma_t > next.majorant);
+                let sigma_t = walk.sigma_t(next, tally);
                 weight = weight.times(channels.of(sigma_t / next.majorant).complement(rng));
                 if weight.max_abs() == 0.0 {
                     sum = sum.times(C::Value::splat(-walk.depth_to_end()).exp());

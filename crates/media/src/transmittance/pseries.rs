@@ -1,11 +1,12 @@
 //! Power series about the majorant [Georgiev et al. 2019], with two laws of the order.
 
-use crate::channels::{Channels, Spectrum};
-use crate::elementary::exp;
+use crate::channels::Channels;
 use crate::field::RayField;
-use crate::random::{happens, uniform};
 use crate::stretch::{Stretch, product_over_stretches};
 use crate::tally::Tally;
+use pileus_math::Spectrum;
+use pileus_math::elementary::exp;
+use pileus_math::random::{happens, uniform};
 use rand_core::Rng;
 
 /// Largest majorant depth of a stretch: `exp(-depth)` times a sum of size `exp(depth)` stays accurate in single precision.

@@ -1,10 +1,11 @@
 //! Ratio tracking [Novak et al. 2014]: the product of null probabilities along the majorants' Poisson process.
 
-use crate::channels::{Channels, Grey, Spectrum};
+use crate::channels::{Channels, Grey};
 use crate::collisions::TentativeCollisions;
 use crate::field::RayField;
-use crate::random::happens;
 use crate::tally::Tally;
+use pileus_math::Spectrum;
+use pileus_math::random::happens;
 use rand_core::Rng;
 
 /// The outcome of a ratio-tracking walk.
@@ -42,9 +43,7 @@ pub fn ratio_tracking_with_roulette<F: RayField, C: Channels, R: Rng + ?Sized>(
     let (mut transmittance, mut null_probability) = (C::Value::ONE, C::Value::ONE);
     let small = threshold.max(f32::MIN_POSITIVE);
     while let Some(tentative) = walk.next(rng) {
-        let sigma_t = walk.sigma_t(tentative);
-        tally.lookups += 1;
-        tally.violations += u64::from(sigma_t > tentative.majorant);
+        let sigma_t = walk.sigma_t(tentative, tally);
         let ratio = channels.of(sigma_t / tentative.majorant);
         // What weights are made of is rounded as flights round it.
         null_probability = null_probability.times(C::Value::ONE - ratio);

@@ -1,11 +1,12 @@
 //! Plain ray marching: biased.
 
 use super::comb::comb;
-use crate::channels::{Channels, Spectrum};
+use crate::channels::Channels;
 use crate::field::RayField;
-use crate::random::uniform;
 use crate::stretch::product_over_stretches;
 use crate::tally::Tally;
+use pileus_math::Spectrum;
+use pileus_math::random::uniform;
 use rand_core::Rng;
 
 /// Samples along a ray.

@@ -1,11 +1,12 @@
 //! Regular tracking: the exact optical depth, cell by cell.
 
-use crate::channels::{Channels, Spectrum};
+use crate::channels::Channels;
 use crate::field::ExactField;
 use crate::grid::{CellWalk, GridView, Interpolation, Voxel};
-use crate::medium::{GridMedium, VoxelKernel};
+use crate::medium::{GridShape, Medium, Shape, VoxelKernel};
 use crate::tally::Tally;
 use glam::DVec3;
+use pileus_math::Spectrum;
 
 /// Optical depth whose transmittance is zero in single precision.
 const OPAQUE: f64 = 88.0;
@@ -27,27 +28,51 @@ pub(super) fn regular_tracking<F: ExactField, C: Channels>(
     channels.of(depth as f32).map(|d| if d > 0.0 { -d } else { 0.0 }).exp()
 }
 
-/// The optical depth of `medium` along `origin + t direction` for t in [t_min, t_max], for the channel of relative extinction one.
+/// The optical depth of `medium` along `origin + t direction` for t in [t_min, t_max], for its
+/// strongest channel.
 ///
-/// Exact but for rounding (double precision): along a line the trilinear field is a cubic in each voxel cell, which two Gauss
-/// points integrate without error. Cost: two lookups per voxel cell crossed; empty cells are skipped at their largest size.
-/// `t` is in multiples of the length of `direction`, which need not be a unit vector.
+/// Exact but for rounding (double precision): along a line the trilinear field is a cubic in each
+/// voxel cell, which two Gauss points integrate without error. Cost: two lookups per voxel cell
+/// crossed; empty cells are skipped at their largest size; none for constant extinction.
+/// `t` is in multiples of the length of `direction`, which need not be a unit vector. An upper
+/// bound for microflakes by grid, whose largest projected area stands for all.
 pub fn optical_depth(
-    medium: &GridMedium,
+    medium: &Medium,
     origin: DVec3,
     direction: DVec3,
     t_min: f64,
     t_max: f64,
     tally: &mut Tally,
 ) -> f64 {
-    let world_to_local = medium.world_to_local();
-    let o = world_to_local.transform_point3(origin);
-    let d = world_to_local.transform_vector3(direction);
-    let Some((t0, t1)) = medium.clip_local(o, d, t_min, t_max) else {
+    let depth = match medium.shape() {
+        Shape::Grid(grid) => grid_depth(grid, (origin, direction), (t_min, t_max), tally),
+        Shape::Box(constant) => match constant.clip(origin, direction, t_min, t_max) {
+            // No extinction in all space: zero, not zero times infinity.
+            Some((t0, t1)) if constant.sigma_t() > 0.0 => f64::from(constant.sigma_t()) * (t1 - t0),
+            _ => 0.0,
+        },
+    };
+    let depth = depth * direction.length();
+    match medium.phase().flakes() {
+        None => depth,
+        Some(flakes) => depth * f64::from(flakes.largest_area(direction.normalize().as_vec3())),
+    }
+}
+
+/// Integral of the extinction over `t`, in its units.
+fn grid_depth(
+    grid: &GridShape,
+    (origin, direction): (DVec3, DVec3),
+    (t_min, t_max): (f64, f64),
+    tally: &mut Tally,
+) -> f64 {
+    let placed = grid.placed();
+    let (o, d) = (placed.to_local(origin), placed.vector_to_local(direction));
+    let Some((t0, t1)) = placed.support().clip(o, d, t_min, t_max) else {
         return 0.0;
     };
     struct Depth<'a> {
-        medium: &'a GridMedium,
+        grid: &'a GridShape,
         ray: (DVec3, DVec3),
         range: (f64, f64),
         tally: &'a mut Tally,
@@ -55,11 +80,11 @@ pub fn optical_depth(
     impl VoxelKernel for Depth<'_> {
         type Output = f64;
         fn run<V: Voxel>(self, voxels: &[V]) -> f64 {
-            ray_depth(&self.medium.grid().view(voxels), self.ray, self.range, self.tally)
+            ray_depth(&self.grid.voxels().view(voxels), self.ray, self.range, self.tally)
         }
     }
-    let kernel = Depth { medium, ray: (o, d), range: (t0, t1), tally };
-    medium.with_voxels(kernel) * f64::from(medium.scale()) * direction.length()
+    let kernel = Depth { grid, ray: (o, d), range: (t0, t1), tally };
+    grid.with_voxels(kernel) * f64::from(grid.sigma_t_scale())
 }
 
 /// Integral of the field over `o + t d`, t in [t0, t1], in units of t.

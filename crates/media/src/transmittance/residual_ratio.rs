@@ -1,9 +1,10 @@
 //! Residual ratio tracking [Novak et al. 2014]: a control of known depth, and ratio tracking of what it leaves.
 
-use crate::channels::{Channels, Spectrum};
+use crate::channels::Channels;
 use crate::field::RayField;
-use crate::random::{exponential, happens};
 use crate::tally::Tally;
+use pileus_math::Spectrum;
+use pileus_math::random::{exponential, happens};
 use rand_core::Rng;
 
 /// The control extinction of a majorant segment.
@@ -54,9 +55,7 @@ pub fn residual_ratio_tracking<F: RayField, C: Channels, R: Rng + ?Sized>(
                 }
                 t = (t + depth / rate).min(segment.t1);
                 depth = exponential(rng);
-                let sigma_t = field.sigma_t(t);
-                tally.lookups += 1;
-                tally.violations += u64::from(sigma_t > segment.majorant);
+                let sigma_t = tally.looked_up(field.sigma_t(t), segment.majorant);
                 let residual = channels.of((sigma_t - control) / rate);
                 product = product.times(residual.complement(rng));
                 if product.max_abs() == 0.0 {

@@ -1,11 +1,12 @@
 //! The Taylor series of `exp(-tau)` about zero, each power of the depth from independent samples.
 
-use crate::channels::{Channels, Spectrum};
-use crate::elementary::exp;
+use crate::channels::Channels;
 use crate::field::RayField;
-use crate::random::{exponential, happens, uniform};
 use crate::stretch::product_over_stretches;
 use crate::tally::Tally;
+use pileus_math::Spectrum;
+use pileus_math::elementary::exp;
+use pileus_math::random::{exponential, happens, uniform};
 use rand_core::Rng;
 
 /// Majorant depth of a stretch: the series about zero is useless for deep ones.

@@ -1,12 +1,13 @@
 //! Unbiased ray marching [Kettunen et al. 2021]: combs, a pivot, and rare higher orders as symmetric means.
 
 use super::comb::comb;
-use crate::channels::{Channels, Spectrum};
-use crate::elementary::{exp, ln};
+use crate::channels::Channels;
 use crate::field::RayField;
-use crate::random::uniform;
 use crate::stretch::product_over_stretches;
 use crate::tally::Tally;
+use pileus_math::Spectrum;
+use pileus_math::elementary::{exp, ln};
+use pileus_math::random::uniform;
 use rand_core::Rng;
 use smallvec::SmallVec;
 

@@ -5,13 +5,14 @@
 
 use super::comb::comb;
 use super::debiased_ray_marching::{DEBIASED_TEETH, DEEPER};
-use crate::channels::{Channels, Spectrum};
+use crate::channels::Channels;
 use crate::field::{ExactField, RayField};
 use crate::law::Passage;
-use crate::random::uniform;
 use crate::stretch::Stretch;
 use crate::tally::Tally;
 use libm::exp;
+use pileus_math::Spectrum;
+use pileus_math::random::uniform;
 use rand_core::Rng;
 
 /// The survival of all channels at a depth of the field.

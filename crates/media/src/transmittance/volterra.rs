@@ -1,10 +1,11 @@
 //! The Volterra recursion without null collisions [Georgiev et al. 2019].
 
-use crate::channels::{Channels, Spectrum};
+use crate::channels::Channels;
 use crate::field::RayField;
-use crate::random::{happens, uniform};
 use crate::stretch::product_over_stretches;
 use crate::tally::Tally;
+use pileus_math::Spectrum;
+use pileus_math::random::{happens, uniform};
 use rand_core::Rng;
 
 /// Majorant depth of a stretch. The terms alternate and grow like `depth^k / k!`: deeper stretches lose all accuracy to cancellation.

@@ -2,7 +2,7 @@
 #![allow(dead_code, reason = "each test binary uses a part")]
 
 use glam::{DAffine3, DMat3, DVec3};
-use pileus_media::{Albedo, GridMedium, Interpolation, Phase, VoxelGrid, VoxelGridOptions};
+use pileus_media::{Albedo, Interpolation, Medium, Phase, VoxelGrid, VoxelGridOptions};
 use pileus_vdb::{Tree, VdbFile};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -26,10 +26,16 @@ pub(crate) fn asset(name: &str) -> PathBuf {
     root().join("scenes/assets").join(name)
 }
 
-pub(crate) fn medium(path: &Path, grid: &str, scale: f32) -> GridMedium {
+pub(crate) fn medium(path: &Path, grid: &str, scale: f32) -> Medium {
     let (tree, index_to_world) = read(path, grid);
     let options = VoxelGridOptions { interpolation: Interpolation::Trilinear };
     let grid = Arc::new(VoxelGrid::from_tree(&tree, &options).unwrap());
-    GridMedium::new(grid, index_to_world, [scale; 3], Albedo::Constant([1.0; 3]), Phase::Isotropic)
-        .unwrap()
+    Medium::from_grid(
+        grid,
+        index_to_world,
+        [scale; 3],
+        Albedo::Constant([1.0; 3]),
+        Phase::Isotropic,
+    )
+    .unwrap()
 }

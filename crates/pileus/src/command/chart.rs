@@ -10,7 +10,6 @@ use pileus_lab::experiment::{
     RenderExperiment, RenderMethod, Subject, TransmittanceMethod, TransmittanceSettings,
     chart_laws, chart_majorants, chart_render, chart_transmittance, classed_rays, stability,
 };
-use pileus_media::Medium;
 use pileus_scene::json::Document;
 use pileus_scene::{Error, Place};
 use serde::Deserialize;
@@ -195,10 +194,8 @@ fn transmittance(options: &ChartTransmittanceOptions, report: &Report) -> Result
             .scene
             .volumes
             .iter()
-            .filter_map(|volume| match &*volume.medium {
-                Medium::Grid(grid) => Some((volume.name.clone(), grid)),
-                Medium::Homogeneous(_) => None,
-            })
+            .filter(|volume| volume.medium.grid().is_some())
+            .map(|volume| (volume.name.clone(), &*volume.medium))
             .collect();
         let [(_, medium), others @ ..] = grids.as_slice() else {
             return Err(Failure::usage(
@@ -221,7 +218,10 @@ fn transmittance(options: &ChartTransmittanceOptions, report: &Report) -> Result
         }
         let mut chart =
             chart_transmittance(&stem(asset), &Subject::Rays { medium, rays }, &settings);
-        chart.provenance = chart.provenance.with("extinction at grid value 1", medium.scale());
+        chart.provenance = chart.provenance.with(
+            "extinction at grid value 1",
+            medium.grid().map_or(0.0, |grid| grid.sigma_t_scale()),
+        );
         write(&chart, &options.output, report)?;
     }
     Ok(())

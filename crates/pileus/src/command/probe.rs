@@ -7,8 +7,8 @@ use std::time::Instant;
 use glam::{DAffine3, DVec3};
 use pileus_media::transmittance::Estimator;
 use pileus_media::{
-    Albedo, Grey, GridMedium, Interpolation, Phase, Span, Tally, Voxel, VoxelGrid,
-    VoxelGridOptions, VoxelKernel, optical_depth,
+    Albedo, ExactField, FieldKernel, Grey, Interpolation, Medium, Phase, Tally, VoxelGrid,
+    VoxelGridOptions, optical_depth,
 };
 use pileus_scene::json::Document;
 use pileus_scene::volume::affine;
@@ -210,7 +210,7 @@ fn transmittance(options: &TransmittanceOptions) -> Result<Value, Failure> {
     let index_to_world = affine(grid.info.transform.index_to_world()?);
     let interpolation = options.interpolation;
     let grid = VoxelGrid::from_tree(&grid.to_float()?, &VoxelGridOptions { interpolation })?;
-    let medium = GridMedium::new(
+    let medium = Medium::from_grid(
         Arc::new(grid),
         index_to_world,
         [options.density_scale as f32; 3],
@@ -259,7 +259,7 @@ impl Segment {
 }
 
 fn answer(
-    medium: &GridMedium,
+    medium: &Medium,
     segment: &Segment,
     estimator: Estimator,
     options: &TransmittanceOptions,
@@ -293,18 +293,11 @@ fn answer(
         None => moments = Moments { count: options.samples, mean: 1.0, ..moments },
         Some(span) => {
             // One stream per ray: the result does not depend on threads.
-            let rng = generator(options.seed, stream);
-            let samples = options.samples;
-            let kernel = Walks {
-                medium,
-                span: &span,
-                estimator,
-                samples,
-                rng,
-                tally: &mut tally,
-                moments: &mut moments,
-            };
-            medium.with_voxels(kernel);
+            let rng = &mut generator(options.seed, stream);
+            for _ in 0..options.samples {
+                let estimate = Estimate { estimator, rng, tally: &mut tally };
+                moments.add(f64::from(medium.with_ray(&span, 1.0, estimate)));
+            }
         }
     }
     RayAnswer {
@@ -353,29 +346,17 @@ impl Moments {
     }
 }
 
-/// Many estimates along one ray, compiled for each voxel type.
-struct Walks<'a> {
-    medium: &'a GridMedium,
-    span: &'a Span,
+/// One estimate along a ray, compiled for each kind of field.
+struct Estimate<'a> {
     estimator: Estimator,
-    samples: u64,
-    rng: Pcg64Mcg,
+    rng: &'a mut Pcg64Mcg,
     tally: &'a mut Tally,
-    moments: &'a mut Moments,
 }
 
-impl VoxelKernel for Walks<'_> {
-    type Output = ();
+impl FieldKernel for Estimate<'_> {
+    type Output = f32;
 
-    fn run<V: Voxel>(mut self, voxels: &[V]) {
-        for _ in 0..self.samples {
-            let (estimator, rng) = (self.estimator, &mut self.rng);
-            let value = if self.medium.is_wide() {
-                estimator.estimate(self.medium.any_ray(self.span), Grey, 0.0, rng, self.tally)
-            } else {
-                estimator.estimate(self.medium.ray(voxels, self.span), Grey, 0.0, rng, self.tally)
-            };
-            self.moments.add(f64::from(value));
-        }
+    fn run<F: ExactField>(self, field: F) -> f32 {
+        self.estimator.estimate(field, Grey, 0.0, self.rng, self.tally)
     }
 }

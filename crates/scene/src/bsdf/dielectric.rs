@@ -121,7 +121,7 @@ mod tests {
         let interface = Interface::new(1.5, CLEAR, true);
         let h = Vec3::new(0.1, 0.2, 0.9).normalize();
         let wo = Vec3::new(-0.5, 0.1, 0.7).normalize();
-        let (x, y) = pileus_media::phase::basis(h);
+        let (x, y) = pileus_math::basis(h);
         let step = 3e-3f32;
         let turned =
             |a: f32, b: f32| interface.refract(wo, (h + a * x + b * y).normalize()).unwrap();

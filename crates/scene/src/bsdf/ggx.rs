@@ -3,7 +3,7 @@
 use std::f32::consts::{FRAC_1_PI, PI};
 
 use glam::Vec3;
-use pileus_media::elementary::sin_cos_turn;
+use pileus_math::elementary::sin_cos_turn;
 
 /// Widths below this are a perfectly smooth surface.
 pub(super) const SMOOTH: f32 = 1e-3;

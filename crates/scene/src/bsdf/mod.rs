@@ -19,7 +19,7 @@ mod table;
 use std::f32::consts::FRAC_1_PI;
 
 use glam::Vec3;
-use pileus_media::phase::basis;
+use pileus_math::basis;
 
 pub(crate) use self::base::Passing;
 use self::base::{Base, BaseView};

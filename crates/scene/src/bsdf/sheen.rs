@@ -4,7 +4,7 @@ use std::f32::consts::PI;
 use std::sync::LazyLock;
 
 use glam::Vec3;
-use pileus_media::elementary::{exp, ln};
+use pileus_math::elementary::{exp, ln};
 
 use super::table::{CosineTable, Row};
 
@@ -42,7 +42,7 @@ fn quadrature(cos: f32, roughness: f32, n: u32) -> f32 {
         let sin = (1.0 - cos_i * cos_i).sqrt();
         for b in 0..n {
             let (sin_phi, cos_phi) =
-                pileus_media::elementary::sin_cos_turn((b as f32 + 0.5) / (2 * n) as f32);
+                pileus_math::elementary::sin_cos_turn((b as f32 + 0.5) / (2 * n) as f32);
             let i = Vec3::new(sin * cos_phi, sin * sin_phi, cos_i);
             sum += f64::from(raw(half_exponent, o, i) * cos_i * 2.0 * x);
         }

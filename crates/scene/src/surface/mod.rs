@@ -19,6 +19,7 @@ mod tree;
 pub mod triangle;
 
 use glam::{DAffine3, DMat3, DVec3, Vec3};
+use pileus_math::Bounds3;
 use pileus_media::Named;
 use rand_core::Rng;
 
@@ -542,13 +543,13 @@ impl Surfaces {
     }
 
     /// Lowest and highest corner of all surfaces in world space.
-    pub fn bounds(&self) -> (DVec3, DVec3) {
-        self.bounds
+    pub fn bounds(&self) -> Bounds3 {
+        Bounds3::new(self.bounds.0, self.bounds.1)
     }
 
     /// Lowest and highest corner of each instance in world space.
-    pub fn instance_bounds(&self) -> impl Iterator<Item = (DVec3, DVec3)> + '_ {
-        self.instances.iter().map(|instance| instance.bounds)
+    pub fn instance_bounds(&self) -> impl Iterator<Item = Bounds3> + '_ {
+        self.instances.iter().map(|instance| Bounds3::new(instance.bounds.0, instance.bounds.1))
     }
 
     /// Whether no edge of an instance's mesh is open: each belongs to an even number of triangles,

@@ -1,5 +1,6 @@
 //! Rays against every triangle, closed meshes, holes, instances, lights.
 
+use pileus_math::Bounds3;
 use std::sync::Arc;
 
 use glam::{DQuat, DVec2, Vec2, Vec4};
@@ -144,7 +145,7 @@ fn rays_agree_with_every_triangle() {
     }
     let at = placements();
     let surfaces = scene(&soup, material(), &at);
-    let (low, high) = surfaces.bounds();
+    let Bounds3 { low, high } = surfaces.bounds();
     let (mut hits, mut shadows) = (0, 0);
     for _ in 0..4000 {
         let p = DVec3::new(number(&mut rng), number(&mut rng), number(&mut rng));

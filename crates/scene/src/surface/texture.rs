@@ -3,7 +3,7 @@
 use std::sync::{Arc, LazyLock};
 
 use glam::{Mat2, Vec2, Vec4};
-use pileus_media::elementary::{exp, ln};
+use pileus_math::elementary::{exp, ln};
 
 /// The texels of an image, row by row from the top.
 #[derive(Debug, Clone)]

@@ -132,7 +132,7 @@ fn body_of_index_one_is_invisible() {
 fn shading_normals_do_not_leak() {
     let geometric = (NORMAL + 0.6 * direction(0.0, 0.1)).normalize();
     let mut rng = rand_pcg::Pcg32::new(4, 4);
-    let mut next = || pileus_media::random::uniform(&mut rng);
+    let mut next = || pileus_math::random::uniform(&mut rng);
     for roughness in [0.0f32, 0.3, 1.0] {
         for (name, p) in all(roughness) {
             let bsdf = Bsdf::new(&p, NORMAL, geometric, true);

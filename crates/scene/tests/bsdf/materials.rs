@@ -114,7 +114,7 @@ pub(crate) fn bsdf(p: &SurfaceParameters, entering: bool) -> Bsdf {
 
 /// A unit direction with this cosine to [`NORMAL`], at an azimuth in turns.
 pub(crate) fn direction(cos: f32, turn: f32) -> Vec3 {
-    let (x, y) = pileus_media::phase::basis(NORMAL);
+    let (x, y) = pileus_math::basis(NORMAL);
     let (sin_phi, cos_phi) = (turn * std::f32::consts::TAU).sin_cos();
     let sin = (1.0 - cos * cos).sqrt();
     (sin * (cos_phi * x + sin_phi * y) + cos * NORMAL).normalize()

@@ -1,7 +1,7 @@
 //! Integrals over directions that resolve narrow lobes.
 
 use glam::{DVec3, Vec3};
-use pileus_media::phase::basis;
+use pileus_math::basis;
 use pileus_scene::SurfaceParameters;
 
 use crate::materials::NORMAL;

@@ -1,6 +1,6 @@
 //! Light goes both ways.
 
-use pileus_media::random::uniform;
+use pileus_math::random::uniform;
 use pileus_scene::Bsdf;
 use rand_pcg::Pcg32;
 

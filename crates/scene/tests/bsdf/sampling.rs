@@ -1,7 +1,7 @@
 //! Samples against densities and values.
 
 use glam::DVec3;
-use pileus_media::random::uniform;
+use pileus_math::random::uniform;
 use pileus_scene::SurfaceParameters;
 use rand_pcg::Pcg32;
 use rayon::prelude::*;
