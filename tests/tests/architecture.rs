@@ -6,19 +6,28 @@ use std::path::Path;
 use std::process::Command;
 
 /// Crate, and the crates of ours that it may use.
-const MAY_USE: [(&str, &[&str]); 8] = [
+const MAY_USE: [(&str, &[&str]); 9] = [
+    ("pileus-math", &[]),
     ("pileus-vdb", &[]),
-    ("pileus-media", &["pileus-vdb"]),
-    ("pileus-scene", &["pileus-vdb", "pileus-media", "pileus-film"]),
+    ("pileus-media", &["pileus-math", "pileus-vdb"]),
+    ("pileus-scene", &["pileus-math", "pileus-vdb", "pileus-media", "pileus-film"]),
     ("pileus-film", &[]),
-    ("pileus-integrator", &["pileus-media", "pileus-scene", "pileus-film"]),
+    ("pileus-integrator", &["pileus-math", "pileus-media", "pileus-scene", "pileus-film"]),
     (
         "pileus-lab",
-        &["pileus-vdb", "pileus-media", "pileus-scene", "pileus-film", "pileus-integrator"],
+        &[
+            "pileus-math",
+            "pileus-vdb",
+            "pileus-media",
+            "pileus-scene",
+            "pileus-film",
+            "pileus-integrator",
+        ],
     ),
     (
         "pileus",
         &[
+            "pileus-math",
             "pileus-vdb",
             "pileus-media",
             "pileus-scene",
@@ -30,6 +39,7 @@ const MAY_USE: [(&str, &[&str]); 8] = [
     (
         "pileus-tests",
         &[
+            "pileus-math",
             "pileus-vdb",
             "pileus-media",
             "pileus-scene",

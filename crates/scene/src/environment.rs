@@ -4,6 +4,7 @@ use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
+use pileus_math::luminance;
 
 use crate::error::{Error, Place};
 
@@ -198,7 +199,7 @@ impl EnvironmentImage {
                 let at = |dx: usize, dy: usize| {
                     let column = (x + width + dx - 1) % width;
                     let row = (y + dy).saturating_sub(1).min(height - 1);
-                    luminance(self.texels[row * width + column])
+                    luminance(Vec3::from_array(self.texels[row * width + column]))
                 };
                 let line = |dy: usize| 0.125 * (at(0, dy) + at(2, dy)) + 0.75 * at(1, dy);
                 smooth[y * width + x] = 0.125 * (line(0) + line(2)) + 0.75 * line(1);
@@ -275,11 +276,6 @@ impl EnvironmentImage {
         let lower = texel(left, bottom).lerp(texel(right, bottom), fx);
         upper.lerp(lower, fy).max(Vec3::ZERO)
     }
-}
-
-/// Luminance of linear Rec. 709 (ITU-R BT.709-6, table 3).
-fn luminance(rgb: [f32; 3]) -> f32 {
-    0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2]
 }
 
 /// Appends the `count + 1` bounds of the shares that `weights` have of [0, 1]; returns their sum.

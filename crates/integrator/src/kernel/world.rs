@@ -4,16 +4,11 @@ use super::interior::MediumStack;
 use super::surface::SurfacePath;
 use crate::media::Ray;
 use glam::{DVec3, Vec3};
+pub(crate) use pileus_math::luminance;
 use pileus_media::EmissionField;
 use pileus_scene::{Hit, Interaction, Surfaces};
 use rand_core::Rng;
 use std::sync::Arc;
-
-/// Luminance of linear Rec. 709.
-#[inline(always)]
-pub(crate) fn luminance(c: Vec3) -> f32 {
-    c.dot(Vec3::new(0.2126, 0.7152, 0.0722))
-}
 
 /// What a kernel is compiled with.
 pub(crate) trait World: Sync {
