@@ -12,11 +12,11 @@ use rand_core::Rng;
 use rand_pcg::Pcg32;
 use smallvec::SmallVec;
 
-/// The bodies that a path is in and what fills them, the one entered last at the end.
+/// The interior media that a path is in, the one entered last at the end.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct MediumStack(SmallVec<[(Boundary, Interior); 2]>);
 
-/// What tells bodies apart: the instance and the material of their surface.
+/// What tells interior media apart: the instance and the material of their surface.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct Boundary {
     instance: u32,
@@ -41,19 +41,19 @@ impl Boundary {
     }
 }
 
-/// A body without a medium of its own.
+/// An interior without a medium of its own.
 const CLEAR: Interior = Interior { sigma_a: Vec3::ZERO, sigma_s: Vec3::ZERO, g: 0.0 };
 
-/// Crossings after which a search for the bodies around a point gives up.
-const MOST_CROSSINGS: usize = 4096;
+/// Crossings after which a search for the interior media around a point gives up.
+const MAX_CROSSINGS: usize = 4096;
 
 impl MediumStack {
-    /// No body.
+    /// Outside of all.
     pub(crate) fn new() -> MediumStack {
         MediumStack::default()
     }
 
-    /// The bodies around a point: those that a ray leaves without having entered them. Of three rays two have to agree, so that meshes which are not closed
+    /// The interior media around a point: those that a ray leaves without having entered them. Of three rays two have to agree, so that meshes which are not closed
     /// and rays along edges do not count.
     pub(crate) fn around(surfaces: &Surfaces, p: DVec3) -> MediumStack {
         let [a, b, c] =
@@ -77,7 +77,7 @@ impl MediumStack {
         let mut rng = Pcg32::new(0, 0);
         let (mut left, mut entered) = (MediumStack::new(), SmallVec::<[Boundary; 4]>::new());
         let mut last: Option<Interaction> = None;
-        for _ in 0..MOST_CROSSINGS {
+        for _ in 0..MAX_CROSSINGS {
             let hit = match &last {
                 Some(from) => surfaces.intersect_from(from, direction, f64::INFINITY, &mut rng),
                 None => surfaces.intersect(p, direction, f64::INFINITY, &mut rng),
@@ -104,7 +104,7 @@ impl MediumStack {
         left
     }
 
-    /// Forgets all bodies.
+    /// Forgets all.
     #[inline]
     pub(crate) fn clear(&mut self) {
         self.0.clear();
@@ -114,12 +114,12 @@ impl MediumStack {
         self.0.is_empty()
     }
 
-    /// What fills the body entered last.
+    /// The interior medium entered last.
     pub(crate) fn last(&self) -> Option<&Interior> {
         self.0.last().map(|body| &body.1)
     }
 
-    /// Crosses the surface of a body to its other side.
+    /// Crosses the boundary of an interior medium to its other side.
     pub(crate) fn cross(&mut self, surface: &Interaction) {
         if surface.front_face {
             self.0.push((Boundary::of(surface), surface.interior.unwrap_or(CLEAR)));

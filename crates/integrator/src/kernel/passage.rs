@@ -16,7 +16,7 @@ use smallvec::SmallVec;
 
 /// Panes after which a shadow ray counts as stopped: none of a scene has so many in a row, but a
 /// ray has to end whatever the scene.
-const MOST_PANES: usize = 1 << 16;
+const MAX_PANES: usize = 1 << 16;
 
 /// What a shadow ray has passed on its way to a light without extent.
 #[derive(Debug, Clone)]
@@ -39,7 +39,7 @@ impl Passage {
     ) -> Option<Passage> {
         let mut passage = Passage { attenuation: Vec3::ONE, crossed: SmallVec::new() };
         let (mut from, mut passed) = (from.copied(), 0.0);
-        for _ in 0..MOST_PANES {
+        for _ in 0..MAX_PANES {
             let left = distance - passed;
             let hit = match &from {
                 Some(from) => surfaces.intersect_from(from, ray.direction, left, rng),

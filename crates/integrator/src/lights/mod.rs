@@ -18,7 +18,7 @@ use tree::{LightTree, TreeLight};
 
 /// A light as sampled from a vertex in a medium.
 #[derive(Debug, Clone)]
-pub(crate) enum Target {
+pub(crate) enum EmitterTechnique {
     /// A delta direction.
     Direction { to_light: Vec3, irradiance: Vec3, strength: f32 },
     /// A disc of constant radiance at infinity.
@@ -34,7 +34,7 @@ pub(crate) enum Target {
 }
 
 /// Most point and spot lights that are chosen among one by one, with their phase function's value; more are put under a tree, which knows their distance alone.
-const HANDFUL: usize = 8;
+const MAX_LISTED_POSITIONS: usize = 8;
 
 /// A point or a spot light; the scene's light holds the angular law.
 #[derive(Debug, Clone)]
@@ -101,12 +101,12 @@ impl EmissiveTriangles {
         let lights: Vec<TreeLight> = surfaces
             .emitters()
             .iter()
-            .map(|lamp| TreeLight {
-                p: [lamp.p0, lamp.p0 + lamp.e1, lamp.p0 + lamp.e2],
-                axis: lamp.normal,
+            .map(|triangle| TreeLight {
+                p: [triangle.p0, triangle.p0 + triangle.e1, triangle.p0 + triangle.e2],
+                axis: triangle.normal,
                 cos_emission: 0.0,
-                strength: luminance(lamp.radiance) * lamp.area as f32,
-                two_sided: lamp.two_sided,
+                strength: luminance(triangle.radiance) * triangle.area as f32,
+                two_sided: triangle.two_sided,
             })
             .collect();
         EmissiveTriangles { surfaces: Arc::clone(surfaces), tree: LightTree::new(&lights) }
@@ -115,16 +115,16 @@ impl EmissiveTriangles {
     /// A point on a triangle as seen from `p`. `u`: where on it; `which`: which one.
     fn sample(&self, p: DVec3, u: [f32; 2], which: f32) -> Option<LightSample> {
         let (number, probability) = self.tree.choose(p, which)?;
-        let lamp = self.surfaces.emitters().get(number as usize)?;
+        let triangle = self.surfaces.emitters().get(number as usize)?;
         // Uniform barycentric coordinates [Turk 1990].
         let root = u[0].sqrt();
         let [b1, b2] = [root * (1.0 - u[1]), root * u[1]];
-        let end = lamp.point([b1, b2], p);
+        let end = triangle.point([b1, b2], p);
         let to = end - p;
         let distance = to.length();
         let wi = (to / distance).as_vec3();
-        let pdf = probability * pdf_of_area(lamp.area, distance, lamp.normal.dot(wi));
-        // Also refuses NaN, of points on the lamp itself.
+        let pdf = probability * pdf_of_area(triangle.area, distance, triangle.normal.dot(wi));
+        // Also refuses NaN, of points on the triangle itself.
         if !(pdf > 0.0 && pdf.is_finite()) {
             return None;
         }
@@ -146,10 +146,15 @@ fn pdf_of_area(area: f64, distance: f64, cos: f32) -> f32 {
     (distance * distance / (area * f64::from(cos.abs()))) as f32
 }
 
-impl Target {
+impl EmitterTechnique {
     /// Whether a path can run into it.
     fn met_by_paths(&self) -> bool {
-        !matches!(self, Target::Direction { .. } | Target::Position(_) | Target::Positions(_))
+        !matches!(
+            self,
+            EmitterTechnique::Direction { .. }
+                | EmitterTechnique::Position(_)
+                | EmitterTechnique::Positions(_)
+        )
     }
 }
 
@@ -214,11 +219,11 @@ pub(crate) struct LightSample {
 /// All lights of a scene that shadow rays are sent to.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Lights {
-    targets: Vec<Target>,
+    techniques: Vec<EmitterTechnique>,
     /// Point and spot lights.
     points: Vec<PointLight>,
     /// Discs and images that no shadow ray is sent to.
-    paths_only: Vec<Target>,
+    paths_only: Vec<EmitterTechnique>,
     /// Volumes that paths are drawn to.
     emissive_volumes: EmissiveVolumes,
     have_extent: bool,
@@ -246,14 +251,18 @@ impl Lights {
 
     /// The lights that shadow rays are sent to: what a plan has to know.
     pub(crate) fn without_emissive_volumes(scene: &Scene, sampling: LightSampling) -> Lights {
-        let mut targets = Vec::new();
+        let mut techniques = Vec::new();
         for light in &scene.lights {
             match light {
                 Light::Sun(sun) if luminance(sun.irradiance) <= 0.0 => {}
-                Light::Sun(sun) if sun.angular_diameter > 0.0 => targets.push(Target::Disc(
-                    Disc::new(sun.to_light, sun.irradiance, sun.angular_diameter),
-                )),
-                Light::Sun(sun) => targets.push(Target::Direction {
+                Light::Sun(sun) if sun.angular_diameter > 0.0 => {
+                    techniques.push(EmitterTechnique::Disc(Disc::new(
+                        sun.to_light,
+                        sun.irradiance,
+                        sun.angular_diameter,
+                    )))
+                }
+                Light::Sun(sun) => techniques.push(EmitterTechnique::Direction {
                     to_light: sun.to_light,
                     irradiance: sun.irradiance,
                     strength: luminance(sun.irradiance),
@@ -262,38 +271,39 @@ impl Lights {
             }
         }
         let points: Vec<PointLight> = scene.lights.iter().filter_map(PointLight::new).collect();
-        if points.len() > HANDFUL {
+        if points.len() > MAX_LISTED_POSITIONS {
             let lights: Vec<TreeLight> = points.iter().map(PointLight::for_tree).collect();
-            targets.push(Target::Positions(LightTree::new(&lights)));
+            techniques.push(EmitterTechnique::Positions(LightTree::new(&lights)));
         } else {
-            targets.extend((0..points.len()).map(Target::Position));
+            techniques.extend((0..points.len()).map(EmitterTechnique::Position));
         }
         if let Some(image) = &scene.environment.image
             && image.sampled_power() > 0.0
         {
             let strength = image.sampled_power();
-            targets.push(Target::Image { image: Arc::clone(image), strength });
+            techniques.push(EmitterTechnique::Image { image: Arc::clone(image), strength });
         }
         if let Some(surfaces) = &scene.surfaces {
-            let lamps = EmissiveTriangles::new(surfaces);
-            if !lamps.tree.is_empty() {
-                targets.push(Target::EmissiveTriangles(lamps));
+            let emissive = EmissiveTriangles::new(surfaces);
+            if !emissive.tree.is_empty() {
+                techniques.push(EmitterTechnique::EmissiveTriangles(emissive));
             }
         }
         let mut paths_only = Vec::new();
         if sampling == LightSampling::Paths {
-            (paths_only, targets) = targets.into_iter().partition(Target::met_by_paths);
+            (paths_only, techniques) =
+                techniques.into_iter().partition(EmitterTechnique::met_by_paths);
         }
         let emissive_volumes = EmissiveVolumes::default();
         let mut lights =
-            Lights { targets, points, paths_only, emissive_volumes, have_extent: false };
+            Lights { techniques, points, paths_only, emissive_volumes, have_extent: false };
         lights.have_extent =
-            lights.need_mis() || lights.targets.len() > 1 || lights.many_positions();
+            lights.need_mis() || lights.techniques.len() > 1 || lights.many_positions();
         lights
     }
 
     pub(crate) fn is_empty(&self) -> bool {
-        self.targets.is_empty()
+        self.techniques.is_empty()
     }
 
     /// Whether a direction towards a light may take random numbers.
@@ -305,7 +315,7 @@ impl Lights {
     /// Lights, those under a tree of points counted one by one.
     pub(crate) fn count(&self) -> usize {
         let under_tree = if self.many_positions() { self.points.len() - 1 } else { 0 };
-        self.targets.len() + under_tree
+        self.techniques.len() + under_tree
     }
 
     /// Positions of the point-like lights, by number.
@@ -315,7 +325,7 @@ impl Lights {
 
     /// Whether the point-like lights are too many to be gone through at every vertex.
     pub(crate) fn many_positions(&self) -> bool {
-        self.points.len() > HANDFUL
+        self.points.len() > MAX_LISTED_POSITIONS
     }
 
     /// The direction towards point-like light `number` from `p`; `None` where it sends nothing.
@@ -325,32 +335,41 @@ impl Lights {
 
     /// Whether a path can run into what shadow rays are sent to, so that both must be weighted.
     pub(crate) fn need_mis(&self) -> bool {
-        self.targets.iter().chain(&self.paths_only).any(Target::met_by_paths)
+        self.techniques.iter().chain(&self.paths_only).any(EmitterTechnique::met_by_paths)
     }
 
     /// Unshadowed contribution of a light, as scattered by `phase` (a value for a direction), and if scattering were isotropic.
     #[inline(always)]
-    fn estimate(&self, target: &Target, p: DVec3, phase: impl Fn(Vec3) -> f32) -> (f32, f32) {
-        match target {
-            Target::Direction { to_light, strength, .. } => {
+    fn estimate(
+        &self,
+        technique: &EmitterTechnique,
+        p: DVec3,
+        phase: impl Fn(Vec3) -> f32,
+    ) -> (f32, f32) {
+        match technique {
+            EmitterTechnique::Direction { to_light, strength, .. } => {
                 (strength * phase(*to_light), strength * ISOTROPIC)
             }
-            Target::Disc(disc) => (disc.strength * phase(disc.to_light), disc.strength * ISOTROPIC),
-            Target::Position(number) => {
+            EmitterTechnique::Disc(disc) => {
+                (disc.strength * phase(disc.to_light), disc.strength * ISOTROPIC)
+            }
+            EmitterTechnique::Position(number) => {
                 let light = &self.points[*number];
                 let to = light.position - p;
                 let distance2 = to.length_squared().max(1e-30);
                 let received = (f64::from(light.strength) / distance2) as f32;
                 (received * phase((to / distance2.sqrt()).as_vec3()), received * ISOTROPIC)
             }
-            Target::Image { strength, .. } => (strength * ISOTROPIC, strength * ISOTROPIC),
-            Target::Positions(tree) => {
+            EmitterTechnique::Image { strength, .. } => {
+                (strength * ISOTROPIC, strength * ISOTROPIC)
+            }
+            EmitterTechnique::Positions(tree) => {
                 let received = tree.estimate(p) * ISOTROPIC;
                 (received, received)
             }
             // Lights of some size: their middle says little of what a vertex sees of them.
-            Target::EmissiveTriangles(lamps) => {
-                let received = lamps.tree.estimate(p) * ISOTROPIC;
+            EmitterTechnique::EmissiveTriangles(emissive) => {
+                let received = emissive.tree.estimate(p) * ISOTROPIC;
                 (received, received)
             }
         }
@@ -359,16 +378,16 @@ impl Lights {
     /// Chooses a light in proportion to what it may contribute; `None` if there is nothing to choose.
     #[inline(always)]
     pub(crate) fn choose(&self, p: DVec3, phase: impl Fn(Vec3) -> f32, u: f32) -> Option<Choice> {
-        if let [target] = self.targets.as_slice() {
-            let (estimate, isotropic) = self.estimate(target, p, &phase);
+        if let [technique] = self.techniques.as_slice() {
+            let (estimate, isotropic) = self.estimate(technique, p, &phase);
             let importance = if isotropic > 0.0 { estimate / isotropic } else { 0.0 };
             return (importance > 0.0).then_some(Choice { index: 0, probability: 1.0, importance });
         }
         // One pass of weighted reservoir sampling, reusing the random number.
         let (mut total, mut isotropic, mut u) = (0.0f32, 0.0f32, u);
         let (mut index, mut chosen) = (usize::MAX, 0.0f32);
-        for (i, target) in self.targets.iter().enumerate() {
-            let (estimate, iso) = self.estimate(target, p, &phase);
+        for (i, technique) in self.techniques.iter().enumerate() {
+            let (estimate, iso) = self.estimate(technique, p, &phase);
             if !(estimate > 0.0) {
                 continue;
             }
@@ -398,8 +417,8 @@ impl Lights {
         u: [f32; 2],
         rng: &mut R,
     ) -> Option<LightSample> {
-        match &self.targets[index] {
-            Target::Direction { to_light, irradiance, .. } => Some(LightSample {
+        match &self.techniques[index] {
+            EmitterTechnique::Direction { to_light, irradiance, .. } => Some(LightSample {
                 wi: *to_light,
                 distance: f64::INFINITY,
                 end: None,
@@ -408,7 +427,7 @@ impl Lights {
                 pdf: 0.0,
                 everywhere: false,
             }),
-            Target::Disc(disc) => Some(LightSample {
+            EmitterTechnique::Disc(disc) => Some(LightSample {
                 wi: disc.sample(u),
                 distance: f64::INFINITY,
                 end: None,
@@ -417,8 +436,8 @@ impl Lights {
                 pdf: disc.pdf,
                 everywhere: false,
             }),
-            Target::Position(number) => self.points[*number].sample(p),
-            Target::Positions(tree) => {
+            EmitterTechnique::Position(number) => self.points[*number].sample(p),
+            EmitterTechnique::Positions(tree) => {
                 let (number, probability) = tree.choose(p, u[0])?;
                 let mut sample = self.points[number as usize].sample(p)?;
                 sample.weight /= probability;
@@ -426,7 +445,7 @@ impl Lights {
                 sample.everywhere = true;
                 Some(sample)
             }
-            Target::Image { image, .. } => {
+            EmitterTechnique::Image { image, .. } => {
                 let sample = image.sample(u)?;
                 Some(LightSample {
                     wi: sample.wi,
@@ -438,7 +457,7 @@ impl Lights {
                     everywhere: true,
                 })
             }
-            Target::EmissiveTriangles(lamps) => lamps.sample(p, u, uniform(rng)),
+            EmitterTechnique::EmissiveTriangles(emissive) => emissive.sample(p, u, uniform(rng)),
         }
     }
 
@@ -451,11 +470,11 @@ impl Lights {
         distance: f64,
         cos: f32,
     ) -> Option<(usize, f32)> {
-        self.targets.iter().enumerate().find_map(|(index, target)| match target {
-            Target::EmissiveTriangles(lamps) => {
-                let lamp = lamps.surfaces.emitters().get(emitter as usize)?;
-                let pdf = pdf_of_area(lamp.area, distance, cos);
-                Some((index, lamps.tree.probability(emitter, p) * pdf))
+        self.techniques.iter().enumerate().find_map(|(index, technique)| match technique {
+            EmitterTechnique::EmissiveTriangles(emissive) => {
+                let triangle = emissive.surfaces.emitters().get(emitter as usize)?;
+                let pdf = pdf_of_area(triangle.area, distance, cos);
+                Some((index, emissive.tree.probability(emitter, p) * pdf))
             }
             _ => None,
         })
@@ -477,7 +496,8 @@ impl Lights {
         if self.emissive_volumes.is_empty() {
             return None;
         }
-        let others = self.targets.iter().map(|target| self.estimate(target, p, |_| ISOTROPIC).1);
+        let others =
+            self.techniques.iter().map(|technique| self.estimate(technique, p, |_| ISOTROPIC).1);
         self.emissive_volumes.emission_mixture(p, in_medium, others.sum::<f32>() + constant)
     }
 
@@ -488,21 +508,23 @@ impl Lights {
         direction: Vec3,
         mut visit: impl FnMut(Vec3, Option<(usize, f32)>),
     ) {
-        for (index, target) in self.targets.iter().enumerate() {
-            match target {
-                Target::Disc(disc) if disc.contains(direction) => {
+        for (index, technique) in self.techniques.iter().enumerate() {
+            match technique {
+                EmitterTechnique::Disc(disc) if disc.contains(direction) => {
                     visit(disc.radiance, Some((index, disc.pdf)));
                 }
-                Target::Image { image, .. } => {
+                EmitterTechnique::Image { image, .. } => {
                     visit(image.radiance(direction), Some((index, image.pdf(direction))));
                 }
                 _ => {}
             }
         }
-        for target in &self.paths_only {
-            match target {
-                Target::Disc(disc) if disc.contains(direction) => visit(disc.radiance, None),
-                Target::Image { image, .. } => visit(image.radiance(direction), None),
+        for technique in &self.paths_only {
+            match technique {
+                EmitterTechnique::Disc(disc) if disc.contains(direction) => {
+                    visit(disc.radiance, None)
+                }
+                EmitterTechnique::Image { image, .. } => visit(image.radiance(direction), None),
                 _ => {}
             }
         }
@@ -511,8 +533,8 @@ impl Lights {
     /// Probability with which [`Lights::choose`] picks light `index`.
     pub(crate) fn probability(&self, index: usize, p: DVec3, phase: impl Fn(Vec3) -> f32) -> f32 {
         let (mut total, mut own) = (0.0f32, 0.0f32);
-        for (i, target) in self.targets.iter().enumerate() {
-            let (estimate, _) = self.estimate(target, p, &phase);
+        for (i, technique) in self.techniques.iter().enumerate() {
+            let (estimate, _) = self.estimate(technique, p, &phase);
             if estimate > 0.0 {
                 total += estimate;
                 if i == index {
@@ -525,7 +547,7 @@ impl Lights {
 
     /// Whether the environment's image is among the lights met at infinity: one with nothing to sample for is not.
     pub(crate) fn covers_image(&self) -> bool {
-        let image = |t: &Target| matches!(t, Target::Image { .. });
-        self.targets.iter().chain(&self.paths_only).any(image)
+        let image = |t: &EmitterTechnique| matches!(t, EmitterTechnique::Image { .. });
+        self.techniques.iter().chain(&self.paths_only).any(image)
     }
 }

@@ -156,7 +156,7 @@ fn join_cones((a, cos_a): (Vec3, f32), (b, cos_b): (Vec3, f32)) -> (Vec3, f32) {
 }
 
 impl LightTree {
-    /// Builds a tree by splitting at the middle of the widest axis; sets whose normals differ most are not treated apart: lamps are flat or small.
+    /// Builds a tree by splitting at the middle of the widest axis; sets whose normals differ most are not treated apart: emissive are flat or small.
     pub(crate) fn new(lights: &[TreeLight]) -> LightTree {
         let mut tree = LightTree { nodes: Vec::new(), leaf: vec![u32::MAX; lights.len()] };
         let mut order: Vec<u32> =

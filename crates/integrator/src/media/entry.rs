@@ -1,6 +1,6 @@
 //! Where a ray meets a medium of a list, and the field that it walks there.
 
-use super::merged::has_to_be_walked;
+use super::walks::has_to_be_walked;
 use super::{Ray, StartCorrelation};
 use glam::Vec3;
 use pileus_media::law::{self, Law, Passage};

@@ -2,7 +2,7 @@
 //! meets.
 
 use super::Ray;
-use super::merged::{is_special, walk_of};
+use super::walks::{is_special, walk_of};
 use glam::{DVec3, Vec3A};
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;

@@ -12,19 +12,22 @@ use super::channels::ChannelMode;
 use super::collisions::{Ahead, ManyMedia, OneMedium};
 use super::entry::{Entry, passage};
 use super::index::{AtMostOne, MetMedia, Walk};
+use super::walks::{
+    closed_form, endless, has_to_be_walked, known_transmittance, runs_on_rates, too_long_to_walk,
+};
 use super::{Collision, FlightEnd, Media, MediaIndex, Methods, Ray, RaySegment, Shadow};
 use glam::{DVec3, Vec3};
 use pileus_math::random::exponential;
 use pileus_media::distance::{
     DistanceSampler, Flight, WeightedFlight, regular_flight, regular_flight_under_law,
 };
-use pileus_media::law::{Law, Passage};
+use pileus_media::law::Passage;
 use pileus_media::transmittance::{
     Estimator, RatioEstimate, Telescope, debiased_under_law, exact_under_law,
     ratio_tracking_with_roulette,
 };
 use pileus_media::{
-    Channels, ExactField, FieldKernel, Grey, Medium, PhaseAt, Relative, Span, Spectrum, Tally,
+    Channels, ExactField, FieldKernel, Grey, Medium, PhaseAt, Relative, Spectrum, Tally,
     TentativeCollisions,
 };
 use rand_core::Rng;
@@ -47,86 +50,6 @@ pub(crate) struct Merged<'a, C> {
 
 /// Entries that a ray meets, the nearest last.
 type Entries<'a> = SmallVec<[Entry<'a>; 4]>;
-
-/// Transmittance of a grey homogeneous medium up to `t_max`: closed form; `None` for other media.
-fn closed_form(medium: &Medium, ray: &Ray, t_max: f64) -> Option<f32> {
-    let shape = medium.homogeneous_box()?;
-    if !medium.is_grey() || medium.transmittance_function().is_some() {
-        return None;
-    }
-    let span = shape.span(ray.origin, ray.direction, t_max);
-    let length = span.map_or(0.0, |span| span.length);
-    let shown = medium.phase().flakes().map_or(1.0, |flakes| flakes.largest_area(ray.direction));
-    let tau = f64::from(shape.sigma_t() * shown) * f64::from(length);
-    // 0 x infinity: no extinction in all space.
-    Some(if tau.is_nan() { 1.0 } else { libm::exp(-tau) as f32 })
-}
-
-/// Whether a ray never leaves a medium that differs per channel: without end, transmittance is zero or one.
-fn endless(medium: &Medium, ray: &Ray, t_max: f64) -> bool {
-    let Some(shape) = medium.homogeneous_box() else {
-        return false;
-    };
-    let endless = |span: Span| span.length == f32::INFINITY;
-    !medium.is_grey() && shape.span(ray.origin, ray.direction, t_max).is_some_and(endless)
-}
-
-/// Optical depth of the strongest channel, and its extinction over the weakest one's, above which a
-/// segment through a homogeneous medium is not walked.
-const MAX_WALKED_DEPTH: f64 = 256.0;
-
-/// Whether a medium is homogeneous and its channels differ so much that a segment may be too long to
-/// walk.
-pub(super) fn is_uneven(medium: &Medium) -> bool {
-    let uneven = |s: f32| s > 0.0 && f64::from(s) * MAX_WALKED_DEPTH < 1.0;
-    let ratio = medium.chromatic_ratio();
-    medium.homogeneous_box().is_some() && ratio.to_array().into_iter().any(uneven)
-}
-
-/// The strongest channel's optical depth of a segment through a homogeneous medium whose channels
-/// differ so much that a walk by the strongest one's collisions, which are null for the others,
-/// would be very long: there flights and transmittances are closed forms, and weights leave the way
-/// out on both sides. `None` elsewhere.
-fn too_long_to_walk(medium: &Medium, ray: &Ray, t_max: f64) -> Option<f64> {
-    if !is_uneven(medium) {
-        return None;
-    }
-    let shape = medium.homogeneous_box()?;
-    let length = shape.span(ray.origin, ray.direction, t_max)?.length;
-    let shown = medium.phase().flakes().map_or(1.0, |flakes| flakes.largest_area(ray.direction));
-    let depth = f64::from(shape.sigma_t() * shown) * f64::from(length);
-    (depth > MAX_WALKED_DEPTH).then_some(depth)
-}
-
-/// Whether a medium's flights and shadow rays run on a drawn rate: homogeneous media have closed forms.
-fn runs_on_rates(medium: &Medium, law: &Law) -> bool {
-    medium.grid().is_some() && law.is_mixture_of_exponentials()
-}
-
-/// Whether flights through a medium invert its optical depth whatever the plan's methods are.
-pub(crate) fn flies_by_depth(medium: &Medium) -> bool {
-    is_uneven(medium)
-        || medium.transmittance_function().is_some_and(|law| !runs_on_rates(medium, law))
-}
-
-/// Whether a medium has no exact depths, so that it is walked whatever the plan's methods are.
-pub(super) fn has_to_be_walked(medium: &Medium) -> bool {
-    medium.phase().flakes().is_some_and(|flakes| flakes.by_grid())
-}
-
-/// What a medium needs of a flight.
-pub(super) fn walk_of(medium: &Medium) -> Walk {
-    match (medium.default_grid(), medium.transmittance_function()) {
-        (Some(_), None) => Walk::Grid,
-        (Some(_), Some(law)) if runs_on_rates(medium, law) => Walk::GridOnRates,
-        _ => Walk::Other,
-    }
-}
-
-/// Whether a medium of a list may need a flight of its own, or a rate.
-pub(super) fn is_special(medium: &Medium) -> bool {
-    medium.transmittance_function().is_some() || is_uneven(medium)
-}
 
 /// A flight through one field by tentative collisions.
 struct FlyThrough<'r, C: ChannelMode, R> {
@@ -625,28 +548,6 @@ fn fly_by_depth<R: Rng + Clone>(
             regular_flight_under_law(&field, passage, channels, beta, drawn, rng, tally)
         }
     }
-}
-
-/// Transmittance that needs no walk, with the null probability that weights count; `None` where a ray has to be walked.
-#[inline]
-fn known_transmittance(medium: &Medium, ray: &Ray, t_max: f64) -> Option<Shadow> {
-    if medium.homogeneous_box().is_none() || medium.transmittance_function().is_some() {
-        return None;
-    }
-    if let Some(factor) = closed_form(medium, ray, t_max) {
-        let factor = Vec3::splat(factor);
-        return Some(Shadow { transmittance: factor, null_probability: factor });
-    }
-    let ratio = medium.chromatic_ratio();
-    if let Some(depth) = too_long_to_walk(medium, ray, t_max) {
-        let passed = |s: f32| if s > 0.0 { libm::exp(-f64::from(s) * depth) as f32 } else { 1.0 };
-        return Some(Shadow { transmittance: Spectrum::map(ratio, passed), ..Shadow::CLEAR });
-    }
-    if endless(medium, ray, t_max) {
-        let clear = |s: f32| if s > 0.0 { 0.0 } else { 1.0 };
-        return Some(Shadow { transmittance: Spectrum::map(ratio, clear), ..Shadow::CLEAR });
-    }
-    None
 }
 
 impl<'a, C: ChannelMode> Media for Merged<'a, C> {

@@ -10,11 +10,13 @@ mod index;
 mod merged;
 mod no_media;
 mod one_grid;
+mod walks;
 
 pub(crate) use index::MediaIndex;
-pub(crate) use merged::{Merged, flies_by_depth};
+pub(crate) use merged::Merged;
 pub(crate) use no_media::NoMedia;
 pub(crate) use one_grid::{AnyPhase, IsotropicOrHenyeyGreenstein, OneGrid, PhaseAxis};
+pub(crate) use walks::flies_by_depth;
 
 use channels::ChannelMode;
 use glam::{DVec3, Vec3};

@@ -6,10 +6,11 @@
 use super::lattice;
 use crate::cost::PathCost;
 use crate::counters::Counters;
+use crate::dispatch::{Job, Parts, PlannedMedia};
 use crate::error::{Error, Parameter, Remedy};
 use crate::kernel::{Kernel, Recorder, World};
 use crate::media::{Media, MediaIndex, Ray};
-use crate::renderer::{Job, Parts, PlannedMedia, Renderer};
+use crate::renderer::Renderer;
 use crate::sampler::PathSampler;
 use glam::{DVec3, Vec3};
 use pileus_media::transmittance::ratio_tracking_with_roulette;

@@ -8,8 +8,8 @@ pub use cost::RecordedRays;
 pub(crate) use radiance::RadianceCache;
 
 use crate::cost::PathCost;
+use crate::dispatch::Parts;
 use crate::plan::warnings;
-use crate::renderer::Parts;
 use crate::settings::ShadowRoulette;
 use serde::Serialize;
 use std::fmt;

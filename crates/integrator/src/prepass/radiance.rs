@@ -6,9 +6,9 @@
 
 use super::lattice;
 use crate::counters::Counters;
+use crate::dispatch::{Job, Parts};
 use crate::kernel::{DirectLight, Kernel, Recorder, World, luminance};
 use crate::media::{Media, Ray};
-use crate::renderer::{Job, Parts};
 use crate::sampler::PathSampler;
 use glam::{DVec3, Vec3};
 use pileus_math::Bounds3;
