@@ -116,3 +116,12 @@ def read(path):
                     at += width * size
         first += count
     return width, height, planes
+
+
+def read_render(image):
+    """An image of `pileus render` as `read` gives it, with the layers of the file beside it."""
+    width, height, planes = read(image)
+    beside = image.with_suffix(".layers.exr")
+    if beside.exists():
+        planes = {**read(beside)[2], **planes}
+    return width, height, planes
