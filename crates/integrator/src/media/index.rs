@@ -353,6 +353,51 @@ mod tests {
         }
     }
 
+    /// Short lists: every medium with a span on a ray is among those that are asked, along faces and axes, from far away; a ray that meets one alone asks no other;
+    /// and an empty grid is asked by none.
+    #[test]
+    fn short_lists_ask_what_is_met() {
+        let mut rng = Pcg32::new(7, 7);
+        let (mut hits, mut alone) = (0, 0);
+        for count in 1..=MAX_WITHOUT_HIERARCHY {
+            for offset in [DVec3::ZERO, DVec3::new(-3e7, 0.0, 5.0)] {
+                let media = boxes(count, 3.0, 1.0, offset, &mut rng);
+                let index = MediaIndex::new(&media);
+                for kind in 0..3000 {
+                    let medium = &media[(uniform(&mut rng) * count as f32) as usize];
+                    let bounds = medium.bounds_world().unwrap();
+                    let mut u = || f64::from(uniform(&mut rng));
+                    // A third of the rays run along a face.
+                    let on_face = if kind % 3 == 0 { 0.0 } else { u() };
+                    let through = bounds.at(DVec3::new(on_face, u(), u()));
+                    let direction = match kind % 4 {
+                        0 => Vec3::AXES[kind / 4 % 3],
+                        1 => -Vec3::AXES[kind / 4 % 3],
+                        _ => (DVec3::new(u(), u(), u()) - 0.5).normalize().as_vec3(),
+                    };
+                    let back = if kind % 5 == 0 { 300.0 } else { 1.5 };
+                    let ray = Ray { origin: through - direction.as_dvec3() * back, direction };
+                    let t_max = if kind % 7 == 0 { back } else { f64::INFINITY };
+                    let met: Vec<usize> = (0..count)
+                        .filter(|i| media[*i].span(ray.origin, direction, t_max).is_some())
+                        .collect();
+                    hits += met.len();
+                    let along = index.along(&ray, t_max);
+                    assert!(met.iter().all(|i| along.contains(&(*i as u32))), "{met:?} {along:?}");
+                    match index.at_most_one(&ray, t_max) {
+                        AtMostOne::None => assert!(met.is_empty()),
+                        AtMostOne::One(number) => {
+                            assert!(met.iter().all(|i| *i == number), "{met:?} {number}");
+                            alone += 1;
+                        }
+                        AtMostOne::More => assert!(along.len() > 1),
+                    }
+                }
+            }
+        }
+        assert!(hits > 15_000 && alone > 8_000, "{hits} {alone}");
+    }
+
     /// A ray that meets few of many boxes asks few.
     #[test]
     fn what_is_far_is_not_asked() {
