@@ -9,15 +9,15 @@ use pileus_math::Bounds3;
 use pileus_media::EmissionField;
 
 use crate::camera::Camera;
-use crate::environment::Environment;
 use crate::error::{Error, Place};
 use crate::gltf::{self, GltfCamera, GltfScene, GltfSurfaces};
-use crate::hint::Hint;
 use crate::light::Light;
-use crate::sky::default_sky;
+use crate::light::environment::Environment;
+use crate::light::sky::default_sky;
+use crate::spec::Hint;
+use crate::spec::volume_spec::VolumeSpec;
 use crate::surface::{GlassRule, Surfaces};
 use crate::volume::{DefaultScale, Volume, VolumeLoader, VolumeRequest, VolumeSource};
-use crate::volume_spec::VolumeSpec;
 
 /// Everything an image is made from, immutable; nothing in it touches a file any more.
 #[derive(Debug, Clone)]

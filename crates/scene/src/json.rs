@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 
 use serde::de::{DeserializeOwned, IgnoredAny};
 
-use crate::by_name::LATER;
 use crate::error::{Error, Place};
+use crate::spec::by_name::LATER;
 
 /// A JSON text and the name of its file, able to tell where each value stands.
 #[derive(Debug, Clone)]

@@ -7,8 +7,8 @@ use glam::{DVec3, Vec3};
 use hw_skymodel::rgb::{Channel, SkyParams, SkyState};
 
 use super::sunlight::sunlight;
-use crate::environment::EnvironmentImage;
 use crate::error::{Error, Place};
+use crate::light::environment::EnvironmentImage;
 use crate::light::{Light, Sun};
 
 /// Texels around the horizon.

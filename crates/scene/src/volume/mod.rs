@@ -1,5 +1,10 @@
 //! From what a user wrote about a volume to a medium placed in the world.
 
+mod emission;
+mod flakes;
+mod law;
+mod phase;
+
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -14,18 +19,19 @@ use pileus_media::{
 };
 use pileus_vdb::{GridClass, GridInfo, MetaValue, Tree, ValueType, Values, VdbFile};
 
-use crate::by_name::ByName;
-use crate::emission::EmissionParts;
+use emission::EmissionParts;
+use flakes::FlakeGrids;
+use law::law;
+
 use crate::error::{Error, Place};
-use crate::flakes::FlakeGrids;
-use crate::hint::Hint;
-use crate::law::law;
-use crate::phase_spec::{CosineSpec, PhaseSpec};
-use crate::uri::with_frame;
-use crate::volume_spec::{
+use crate::spec::Hint;
+use crate::spec::by_name::ByName;
+use crate::spec::phase_spec::{CosineSpec, PhaseSpec};
+use crate::spec::volume_spec::{
     AlbedoSpec, DEFAULT_ALBEDO, DensitySpec, EmissionSpec, HomogeneousSpec, RampNodeSpec, Rgb,
     TransformSpec, UpAxis, VolumeSpec,
 };
+use crate::uri::with_frame;
 
 /// A volume of the scene: a medium in world space and where it came from.
 #[derive(Debug, Clone)]
@@ -523,7 +529,7 @@ impl VolumeLoader {
         let spec = request.spec.phase.as_ref();
         let Some(PhaseSpec::HenyeyGreenstein { g: CosineSpec::Grid(by_grid) }) = spec else {
             let mut grids = PhaseGrids { loader: self, place, file, path, density };
-            return crate::phase::phase(spec, placement, place, Some(&mut grids));
+            return phase::phase(spec, placement, place, Some(&mut grids));
         };
         let at = || place("/phase/g/grid");
         let vdb_error = |source| Error::vdb(at(), source);
@@ -587,7 +593,7 @@ impl PhaseGrids<'_> {
         name: &str,
         key: &str,
     ) -> Result<(pileus_vdb::Grid, DAffine3, Place), Error> {
-        let at = || (self.place)(&format!("{}/{key}", crate::flakes::POINTER));
+        let at = || (self.place)(&format!("{}/{key}", flakes::POINTER));
         let vdb_error = |source| Error::vdb(at(), source);
         let index = self.file.find(name).map_err(vdb_error)?;
         let info = grid_info(self.file, index, self.path)?;
@@ -681,7 +687,7 @@ fn load_homogeneous(
         Some(AlbedoSpec::Constant(rgb)) => constant_albedo(*rgb, place)?,
         None => constant_albedo(Rgb::Grey(DEFAULT_ALBEDO), place)?,
     };
-    let phase = crate::phase::phase(spec.phase.as_ref(), placement, place, None)?;
+    let phase = phase::phase(spec.phase.as_ref(), placement, place, None)?;
     let law = law(spec, place)?;
     let bounds = homogeneous.bounds.map(|bounds| bounds.map(DVec3::from_array));
     let bounds = match bounds {

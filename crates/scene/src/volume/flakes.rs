@@ -5,7 +5,7 @@ use pileus_media::flakes::{FlakeGrid, FlakeShape, MIN_ROUGHNESS, Roughness, Sggx
 use pileus_vdb::Tree;
 
 use crate::error::{Error, Place};
-use crate::flake_spec::{FlakeShapeSpec, FlakeSpec};
+use crate::spec::flake_spec::{FlakeShapeSpec, FlakeSpec};
 
 /// Where the specification is, in a volume.
 pub(crate) const POINTER: &str = "/phase/distribution";

@@ -4,6 +4,17 @@
 //! of volumes and lights); [`load_with_surfaces`] and [`parse_with_surfaces`] read its buffers and
 //! images as well. What is left out is listed.
 
+mod accessor;
+mod buffer;
+mod image_guard;
+mod instances;
+mod material;
+mod mesh;
+mod phase;
+mod pose;
+mod texture;
+mod volume;
+
 use std::collections::BTreeSet;
 use std::f32::consts::{FRAC_PI_4, PI};
 use std::fs::File;
@@ -15,20 +26,18 @@ use glam::{DAffine3, DMat3, DQuat, DVec3, Vec3};
 use gltf::json;
 use serde_json::{Map, Value};
 
+pub use mesh::{GltfMesh, GltfSurfaces};
+
 use crate::error::{Error, Place};
-use crate::gltf_accessor::Accessors;
-use crate::gltf_buffer::Buffers;
-use crate::gltf_instances::{INSTANCING, instances};
-use crate::gltf_material;
-use crate::gltf_mesh;
-pub use crate::gltf_mesh::{GltfMesh, GltfSurfaces};
-use crate::gltf_pose::default_weights;
-use crate::gltf_texture;
-use crate::gltf_volume::{EXTENSION, KEPT, flat_keys, volume_of_node};
 use crate::json::{Document, acceptable_gltf};
 use crate::light::{Light, Point, Spot, Sun};
+use crate::spec::volume_spec::VolumeSpec;
 use crate::surface::GlassRule;
-use crate::volume_spec::VolumeSpec;
+use accessor::Accessors;
+use buffer::Buffers;
+use instances::{INSTANCING, instances};
+use pose::default_weights;
+use volume::{EXTENSION, KEPT, flat_keys, volume_of_node};
 
 /// What a glTF file contributes to a scene.
 #[derive(Debug, Clone)]
@@ -133,7 +142,7 @@ pub fn custom_properties() -> Vec<(&'static str, &'static str)> {
 }
 
 fn is_modelled(extension: &str) -> bool {
-    MODELLED.contains(&extension) || gltf_material::MODELLED.contains(&extension)
+    MODELLED.contains(&extension) || material::MODELLED.contains(&extension)
 }
 
 /// Reads a .gltf or .glb file.
@@ -203,7 +212,7 @@ pub fn parse_with_surfaces(
     let document = Document::new(path.as_ref(), parts.json);
     let (root, animations) = read_root(&document)?;
     let mut scene = walk(&document, &root, parts.bin, animations, lumens_per_watt)?;
-    let surfaces = gltf_mesh::load(&document, &root, parts.bin, &scene, rule)?;
+    let surfaces = mesh::load(&document, &root, parts.bin, &scene, rule)?;
     scene.not_modelled.extend(surfaces.not_modelled.iter().cloned());
     Ok((scene, surfaces))
 }
@@ -359,12 +368,12 @@ fn json_text<'a>(path: &Path, bytes: &'a [u8]) -> Result<&'a str, Error> {
 fn check_required(document: &Document, root: &json::Root) -> Result<(), Error> {
     let required = root.extensions_required.iter().map(String::as_str);
     let unknown: Vec<&str> = required
-        .filter(|name| !is_modelled(name) && !gltf_texture::IMAGE_FORMATS.contains(name))
+        .filter(|name| !is_modelled(name) && !texture::IMAGE_FORMATS.contains(name))
         .collect();
     if unknown.is_empty() {
         return Ok(());
     }
-    let modelled: Vec<&str> = MODELLED.into_iter().chain(gltf_material::MODELLED).collect();
+    let modelled: Vec<&str> = MODELLED.into_iter().chain(material::MODELLED).collect();
     Err(Error::unsupported(
         document.place("/extensionsRequired"),
         format!("the file requires extensions that are not supported: {}", unknown.join(", ")),
@@ -808,7 +817,7 @@ fn list_not_modelled(root: &json::Root, scene: &mut GltfScene) {
     let plural = |n: usize, one: &str, many: &str| {
         if n == 1 { format!("1 {one}") } else { format!("{n} {many}") }
     };
-    let [lines, without_positions] = gltf_mesh::not_surfaces(root);
+    let [lines, without_positions] = mesh::not_surfaces(root);
     if lines > 0 {
         let primitives = plural(lines, "primitive", "primitives");
         scene.not_modelled.push(format!("points and lines: {primitives}"));
@@ -848,7 +857,7 @@ fn list_not_modelled(root: &json::Root, scene: &mut GltfScene) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::volume_spec::LawSpec;
+    use crate::spec::volume_spec::LawSpec;
 
     fn read(text: &str) -> Result<GltfScene, Error> {
         parse("folder/a.gltf", text.as_bytes(), 683.0)
