@@ -89,7 +89,7 @@ impl Error {
         Self::TooLarge { place: place.into(), problem: problem.into(), remedy }
     }
 
-    /// The same error with `path` as its place: for errors of a stream whose file the caller knows.
+    /// This error with `path` as its place: for errors of a stream whose file the caller knows.
     #[must_use]
     pub fn in_file(mut self, path: &Path) -> Self {
         let (Self::Io { place, .. }

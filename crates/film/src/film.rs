@@ -51,7 +51,8 @@ impl Film {
     /// What it takes tells [`FilmMemory::of`](crate::FilmMemory::of) beforehand.
     ///
     /// # Errors
-    /// Those of [`Self::new`]; layers whose names cannot be stored or are taken, or that have more
+    /// Zero sizes, a crop window outside the image, more than [`MAX_PIXELS`](crate::MAX_PIXELS), or no
+    /// memory; layers whose names cannot be stored or are taken, or that have more
     /// than 1024 channels in all.
     pub fn with_layers(
         resolution: [u32; 2],
@@ -115,7 +116,7 @@ impl Film {
         self.crop
     }
 
-    /// Its layers: the first ones, then those that were asked for.
+    /// Layers of the film: the first ones, then those that were asked for.
     pub fn layers(&self) -> &[&'static Layer] {
         self.layers.layers()
     }

@@ -175,7 +175,8 @@ impl Image {
     /// Adds the channels of `other` as `layer.name`, for instance `variance.R`.
     ///
     /// # Errors
-    /// As [`Self::add_channel`].
+    /// A name that is taken, longer than 255 bytes or has a NUL in it; an image of another number of
+    /// pixels; too many channels or values.
     pub fn add_layer(&mut self, layer: &str, other: &Self) -> Result<(), Error> {
         for channel in &other.channels {
             self.add_channel(&format!("{layer}.{}", channel.name), channel.samples.clone())?;

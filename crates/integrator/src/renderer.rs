@@ -163,7 +163,12 @@ impl<'a> Renderer<'a> {
         self.render_samples(self.settings.samples.clone(), film, monitor)
     }
 
-    /// As [`Renderer::render`], of other samples than the settings'.
+    /// Renders the given samples of every pixel of the film's window into it, whatever the settings
+    /// say of samples, on the current rayon pool.
+    ///
+    /// When the monitor cancels, paths end where they are and count nowhere; the film, and the
+    /// counters returned, hold all whole passes done so far. Values of samples are those of
+    /// [`Renderer::render`], bit for bit.
     ///
     /// # Errors
     /// If film and camera differ in resolution, or if there is no memory for the samples of a pass.
@@ -259,7 +264,8 @@ impl<'a> Parts<'a> {
         self.with_coupled_kernel(job)
     }
 
-    /// As [`Parts::with_general_kernel`], of channels that do not decouple.
+    /// Runs a job with a kernel that every scene can run and whose channels do not decouple: a merged
+    /// list, spectral, beside surfaces.
     pub(crate) fn with_coupled_kernel<J: Job>(&self, job: &mut J) -> J::Output {
         let emissive_volumes = self.emissive_volumes();
         let world = self.volumes_and_surfaces(&emissive_volumes);

@@ -77,7 +77,7 @@ const FEATURE_EXPONENT: f64 = 0.5;
 /// Share of the largest colour difference up to which differences are spread over
 /// [`LOWER_RANGE`] of the scale.
 const LOWER_SHARE: f64 = 0.4;
-/// See [`LOWER_SHARE`].
+/// Part of the scale that colour differences up to [`LOWER_SHARE`] of the largest are spread over.
 const LOWER_RANGE: f64 = 0.95;
 /// Width of the filters of features, degrees.
 const FEATURE_WIDTH: f64 = 0.082;

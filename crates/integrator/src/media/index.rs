@@ -29,7 +29,7 @@ pub(super) type MetMedia = SmallVec<[u32; 8]>;
 pub(super) enum Walk {
     /// A grid, walked as the kernels of one grid do.
     Grid,
-    /// The same on a drawn rate: its transmittance function is a mixture of exponentials.
+    /// A grid that is walked at a drawn rate: its transmittance function is a mixture of exponentials.
     GridOnRates,
     /// Anything else.
     Other,

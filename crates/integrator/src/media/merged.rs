@@ -516,7 +516,8 @@ impl<'a, C: ChannelMode> Merged<'a, C> {
         self.methods.transmittance == Estimator::Ratio
     }
 
-    /// As [`Merged::shadow`], of a medium that is no grid, or by another estimator than ratio tracking.
+    /// What a shadow ray of a path with throughput `beta` finds of medium number `number`, which is no grid, or by another
+    /// estimator than ratio tracking; [`Merged::shadow`] has the other cases.
     #[inline(never)]
     fn shadow_of_other<R: Rng + Clone>(
         &self,

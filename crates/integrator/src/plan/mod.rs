@@ -70,7 +70,7 @@ pub struct Plan {
 
 /// What of a scene and its settings decides the kernel.
 struct Facts {
-    /// Those with any extinction.
+    /// Number of volumes that have any extinction.
     volumes: usize,
     /// Whether the only volume is a grid that the kernels of one grid can walk.
     one_grid: bool,
@@ -218,7 +218,11 @@ impl Plan {
         Plan::with_lights(scene, settings, &lights)
     }
 
-    /// As [`Plan::new`], for lights that are made already.
+    /// Plans a render whose lights are made already; [`Plan::new`] makes them.
+    ///
+    /// # Errors
+    /// If the settings ask for what the scene does not allow, or if paths would not end by
+    /// construction.
     pub(crate) fn with_lights(
         scene: &Scene,
         settings: &RenderSettings,

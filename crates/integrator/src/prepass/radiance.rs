@@ -69,7 +69,8 @@ struct Visit {
     beta: f32,
     /// Square of the transmittance towards a light, over the probability of asking for it.
     clear2: f32,
-    /// Luminance of lights if scattering were isotropic and nothing in the way, likewise.
+    /// Luminance of lights if scattering were isotropic and nothing in the way, over the probability
+    /// of asking for it.
     unshadowed: f32,
 }
 

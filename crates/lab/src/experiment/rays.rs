@@ -26,7 +26,7 @@ impl RayClass {
     pub const ALL: [RayClass; 5] =
         [RayClass::Thin, RayClass::Medium, RayClass::Thick, RayClass::Spiky, RayClass::FarMajorant];
 
-    /// Its name.
+    /// Name of the class, as tables have it.
     pub const fn name(self) -> &'static str {
         match self {
             RayClass::Thin => "thin",
@@ -47,7 +47,7 @@ pub struct LabRay {
     pub direction: Vec3,
     /// Optical depth to infinity.
     pub optical_depth: f64,
-    /// Its class: the first of spiky, far-majorant and the depth's that fits.
+    /// Class of the ray: the first of spiky, far-majorant and the depth's that fits.
     pub class: RayClass,
 }
 

@@ -26,7 +26,7 @@ const MOST_EVENTS: u64 = 20_000_000;
 const Z_LIMIT: f64 = 5.5;
 /// Relative standard deviation above which a method is noisy: a hundred estimates still leave 30 %.
 const NOISY: f64 = 3.0;
-/// And above which it fails: ten thousand leave one.
+/// Relative standard deviation above which a method fails: ten thousand estimates still leave 100 %.
 const FAILS: f64 = 100.0;
 /// Transmittance below which nothing is asked: single precision ends there.
 const SMALLEST: f64 = 1e-37;
@@ -47,7 +47,7 @@ pub enum Verdict {
 }
 
 impl Verdict {
-    /// Its name.
+    /// Name of the verdict, as tables have it.
     pub const fn name(self) -> &'static str {
         match self {
             Verdict::Ok => "ok",
@@ -627,7 +627,7 @@ impl Stability {
         page
     }
 
-    /// As a chart, with deviation over optical depth and over looseness.
+    /// The map as a chart, with deviation over optical depth and over looseness.
     pub fn chart(&self) -> Chart {
         let along = |prefix: &str| -> Vec<Series> {
             let mut series: Vec<Series> = Vec::new();

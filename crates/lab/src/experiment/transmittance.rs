@@ -36,7 +36,7 @@ impl TransmittanceMethod {
         methods
     }
 
-    /// Its name.
+    /// Name of the method, as charts have it.
     pub fn name(self) -> String {
         match self {
             TransmittanceMethod::Named(estimator) => estimator.name().to_owned(),

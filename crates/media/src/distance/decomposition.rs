@@ -14,7 +14,7 @@ use rand_core::Rng;
 ///
 /// Two independent processes, the minorant's and the residual's, of which the nearer event wins: one process of their summed rate, the majorant,
 /// whose events belong to the minorant with probability `minorant / majorant`. Those are real and save their lookup; the others are real
-/// with probability `(sigma_t - minorant) / (majorant - minorant)`. The law of flights is delta (spectral) tracking's; channels as there.
+/// with probability `(sigma_t - minorant) / (majorant - minorant)`. The law of flights, and how channels share them, is that of delta (spectral) tracking.
 /// Unbiased for bounds that hold.
 #[inline(always)]
 pub fn decomposition_tracking<F: RayField, C: Channels, R: Rng + ?Sized>(

@@ -24,7 +24,7 @@ pub enum BlackbodyRadiance {
     /// Planck's radiance, W/(m^2 sr): the luminance of the colour is that of the body over 683 lm/W.
     #[default]
     Absolute,
-    /// The same colour at luminance 1, from 0 at 500 K rising linearly to 1 at 800 K (about Draper's point, below which nothing is seen to glow).
+    /// The body's colour at luminance 1, from 0 at 500 K rising linearly to 1 at 800 K (about Draper's point, below which nothing is seen to glow).
     Normalised,
 }
 

@@ -53,7 +53,7 @@ struct Block {
     spread2: f32,
     /// What it lets out, by class.
     weights: [f32; CLASSES],
-    /// Its part of the list of cells.
+    /// Range of the list of cells that belong to it.
     cells: std::ops::Range<usize>,
 }
 

@@ -116,7 +116,12 @@ impl EmissionField {
         self.sparse_points(origin, direction, t_max, (u, 1.0), tally, visit);
     }
 
-    /// As [`points`](EmissionField::points), `spacing` (positive) times as far apart.
+    /// Visits points of the ray `origin + t direction`, t in [0, t_max], `spacing` (positive) times as
+    /// far apart as those of [`points`](EmissionField::points).
+    ///
+    /// The sum of `contribution * w(t)` over them is an unbiased estimate of the integral of
+    /// `emission * w` along the ray, for any `w`, if `u` is uniform in [0, 1). `direction` is a unit
+    /// vector. Counts cells, lookups and lookups above their bound in `tally`.
     pub fn sparse_points(
         &self,
         origin: DVec3,

@@ -2,7 +2,7 @@
 
 /// Shortest wavelength of the colour matching functions, nanometres.
 const FIRST_NM: f64 = 360.0;
-/// Their step, nanometres.
+/// Step between wavelengths of the colour matching functions, nanometres.
 const STEP_NM: f64 = 5.0;
 
 /// First radiation constant for radiance, `2 h c^2`, W m^2/sr (SI 2019, exact).

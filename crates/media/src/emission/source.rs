@@ -243,7 +243,7 @@ impl EmissionSource {
         }
     }
 
-    /// That of a black body where there is density.
+    /// Bound of the emission of a black body in a box, where there is density.
     fn thermal_bound(&self, bounds: Bounds3, density: (f32, f32)) -> Bound {
         let EmissionSource::Blackbody {
             sigma_t,

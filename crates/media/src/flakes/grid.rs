@@ -29,7 +29,7 @@ impl MatrixGrid {
 /// How rough flakes are.
 #[derive(Debug, Clone)]
 pub enum Roughness {
-    /// The same everywhere, in [0.001, 1].
+    /// One roughness everywhere, in [0.001, 1].
     Constant(f32),
     /// By a grid; values are clamped to [0.001, 1]. The map leads from the index space that is asked in to the grid's own.
     Grid(Box<(VoxelGrid, DAffine3)>),
@@ -39,7 +39,7 @@ impl Roughness {
     /// From a tree of numbers; `to_index` maps the index space of the medium that asks to that of this tree.
     ///
     /// # Errors
-    /// As [`VoxelGrid::from_tree`].
+    /// If the tree spans more than 2^31 voxels along an axis.
     pub fn from_tree(tree: &Tree<f32>, to_index: DAffine3) -> Result<Roughness, Error> {
         Ok(Roughness::Grid(Box::new((voxels(tree)?, snapped(to_index)))))
     }
@@ -130,7 +130,7 @@ impl FlakeGrid {
     /// Flakes around fibres along a grid of axes, of any length; isotropic where the axis is zero.
     ///
     /// # Errors
-    /// As [`VoxelGrid::from_tree`].
+    /// If the tree spans more than 2^31 voxels along an axis.
     pub fn fibres(
         axes: &Tree<[f32; 3]>,
         roughness: Roughness,
@@ -142,7 +142,7 @@ impl FlakeGrid {
     /// Flakes of surfaces by a grid of normals, of any length; isotropic where the normal is zero.
     ///
     /// # Errors
-    /// As [`VoxelGrid::from_tree`].
+    /// If the tree spans more than 2^31 voxels along an axis.
     pub fn surfaces(
         normals: &Tree<[f32; 3]>,
         roughness: Roughness,

@@ -23,7 +23,7 @@ use std::fmt;
 /// Where the distribution of flakes comes from.
 #[derive(Debug, Clone)]
 pub enum FlakeShape {
-    /// The same everywhere.
+    /// One distribution everywhere.
     Constant(Sggx),
     /// By grids.
     Grid(Box<FlakeGrid>),
@@ -32,9 +32,9 @@ pub enum FlakeShape {
 /// How a flake scatters light.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FlakeScattering {
-    /// As a mirror.
+    /// Specular: the flake is a mirror.
     Specular,
-    /// As a Lambertian surface, on the side that it is lit from.
+    /// Diffuse: the flake is a Lambertian surface, on the side that it is lit from.
     Diffuse,
 }
 

@@ -72,7 +72,7 @@ impl Sggx {
         DMat3::from_cols(DVec3::new(xx, xy, xz), DVec3::new(xy, yy, yz), DVec3::new(xz, yz, zz))
     }
 
-    /// The same flakes turned by a rotation.
+    /// These flakes turned by a rotation.
     pub fn turned(&self, rotation: &Mat3) -> Sggx {
         let r = rotation.as_dmat3();
         Sggx::of(r * self.matrix() * r.transpose())

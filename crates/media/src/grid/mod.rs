@@ -56,7 +56,7 @@ pub struct VoxelGrid {
     pub(crate) voxels: Voxels,
     /// Largest value in each of the eight 4^3 cells of a brick, by brick.
     pub(crate) sub_max: Vec<[f32; 8]>,
-    /// Smallest value, likewise.
+    /// Smallest value in each of the eight 4^3 cells of a brick, by brick.
     pub(crate) sub_min: Vec<[f32; 8]>,
     pub(crate) entries: Vec<Entry>,
     /// Smallest value in the cell of each entry.
@@ -176,7 +176,8 @@ impl VoxelGrid {
         self.interpolate_local(p.to_array().map(|c| c as i32), p)
     }
 
-    /// The same at a local point that lies within the extent but for rounding.
+    /// The interpolated value at a local point, in double precision: exact but for rounding. The
+    /// point must lie within the extent but for rounding; it is clamped to it.
     pub(crate) fn interpolate_within(&self, p: DVec3) -> f64 {
         let extent = self.topology.extent;
         let p = p.clamp(DVec3::ZERO, DVec3::from_array(extent.map(f64::from)));

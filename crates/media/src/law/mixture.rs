@@ -11,7 +11,7 @@ use std::fmt;
 /// One law of a mixture.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Component {
-    /// Its share of rays that start at a place: positive.
+    /// Share of the rays that start at a place: positive.
     pub weight: f64,
     /// Factor on the optical depth: positive.
     pub rate: f64,

@@ -98,7 +98,8 @@ impl Table {
     /// The table of a text: two numbers a line, separated by a comma or space; empty lines and what follows `#` do not count.
     ///
     /// # Errors
-    /// As [`new`](Table::new), or if a line holds anything else; the line is named.
+    /// If a line holds anything else, which is named; or if the points are none of a law, see
+    /// [`new`](Table::new).
     pub fn parse(text: &str) -> Result<Table, Error> {
         let mut points = Vec::new();
         for (number, line) in text.lines().enumerate() {

@@ -13,7 +13,7 @@ const PARALLEL: f32 = 1e-18;
 
 /// What a ray's positions are counted from: a corner of a brick, local voxels.
 pub trait Corner: Copy + std::fmt::Debug {
-    /// Its voxel.
+    /// The voxel of the corner, in local voxels.
     fn voxel(self) -> [i32; 3];
 }
 
@@ -76,7 +76,7 @@ pub struct GridRay<'a, V, P = Adaptive<'a>, C = Lowest> {
     ijk: [i32; 3],
     /// The cell visited last.
     cell: Cell,
-    /// Its corners, as positions are counted.
+    /// Corners of the cell visited last, counted as positions are.
     low: Vec3A,
     high: Vec3A,
     steps: u64,

@@ -75,8 +75,8 @@ pub fn pseries_cmf<F: RayField, C: Channels, R: Rng + ?Sized>(
 
 /// An unbiased estimate of the transmittance; exact where the majorant is tight.
 ///
-/// As [`pseries_cmf`], but the next term is taken with the probability of its own size, so that lookups go where terms are large. An
-/// early term that happens to be small ends the series: the rare others then carry the rest.
+/// The power series of [`pseries_cmf`], whose next term is taken with the probability of its own size, so that lookups go where terms are
+/// large. An early term that happens to be small ends the series: the rare others then carry the rest.
 pub fn pseries_cumulative<F: RayField, C: Channels, R: Rng + ?Sized>(
     field: F,
     channels: C,

@@ -30,8 +30,10 @@ pub fn ratio_tracking<F: RayField, R: Rng + ?Sized>(
     ratio_tracking_with_roulette(walk, Grey, 0.0, rng, tally).transmittance
 }
 
-/// As [`ratio_tracking`], for all channels by one walk, with a roulette that ends walks whose largest estimate has fallen below
-/// `threshold`: it survives with the probability `estimate / threshold` and goes on. Unbiased; bounds the cost in thick media.
+/// An unbiased estimate of the transmittance of all channels by one walk of ratio tracking, with Russian roulette.
+///
+/// Roulette ends walks whose largest estimate has fallen below `threshold` (0: none): they survive with the probability
+/// `estimate / threshold` and go on. Bounds the cost in thick media.
 #[inline(always)]
 pub fn ratio_tracking_with_roulette<F: RayField, C: Channels, R: Rng + ?Sized>(
     mut walk: TentativeCollisions<F>,

@@ -135,7 +135,7 @@ mod tests {
         assert!((means[4] - y.iter().product::<f32>()).abs() < 1e-6);
     }
 
-    /// Against the same recursion in double precision: thousands of samples, orders up to where the means leave single precision.
+    /// Holds the symmetric means against their recursion in double precision: thousands of samples, orders up to where the means leave single precision.
     #[test]
     fn symmetric_means_of_thousands_are_finite_and_accurate() {
         let value =

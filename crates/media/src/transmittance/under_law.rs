@@ -43,7 +43,7 @@ pub struct Telescope {
 }
 
 impl Default for Telescope {
-    /// As debiased ray marching of the exponential law: eight teeth, `2^(-3/2)`.
+    /// Teeth and probability that debiased ray marching of the exponential law has: eight, `2^(-3/2)`.
     fn default() -> Telescope {
         Telescope { teeth: DEBIASED_TEETH, deeper: DEEPER }
     }

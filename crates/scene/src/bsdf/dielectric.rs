@@ -83,7 +83,7 @@ impl Interface {
 
 /// A refracting facet.
 pub(super) struct Facet {
-    /// Its normal, z positive.
+    /// Normal of the microfacet, a unit vector with positive z.
     pub h: Vec3,
     /// Cosine to `wo`, positive.
     pub cos_o: f32,

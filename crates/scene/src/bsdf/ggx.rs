@@ -75,7 +75,8 @@ impl Ggx {
     }
 }
 
-/// See [`Ggx::sample`]; also for widths below the limit, down to zero.
+/// Draws a normal among those that `wo` sees, for a distribution of any width `alpha`, zero
+/// included; `u` is uniform in [0, 1)^2. [`Ggx::sample`] is this for widths above its limit.
 #[inline]
 pub(super) fn sample_visible(alpha: f32, wo: Vec3, u: [f32; 2]) -> Vec3 {
     let stretched = Vec3::new(alpha * wo.x, alpha * wo.y, wo.z).normalize();

@@ -186,9 +186,9 @@ enum Wrong {
 /// Why a surface may bound a body.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Claim {
-    /// Its material has `KHR_materials_volume`.
+    /// The material has `KHR_materials_volume`.
     Volume,
-    /// It transmits, by [`GlassRule::ClosedMeshesAreSolid`].
+    /// The material transmits, by [`GlassRule::ClosedMeshesAreSolid`].
     Glass,
 }
 

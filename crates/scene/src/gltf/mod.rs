@@ -42,13 +42,13 @@ use volume::{EXTENSION, KEPT, flat_keys, volume_of_node};
 /// What a glTF file contributes to a scene.
 #[derive(Debug, Clone)]
 pub struct GltfScene {
-    /// Its cameras, in the order of the node walk.
+    /// Cameras of the file, in the order of the node walk.
     pub cameras: Vec<GltfCamera>,
-    /// Its punctual lights in radiometric units.
+    /// Punctual lights of the file in radiometric units.
     pub lights: Vec<Light>,
-    /// Its volumes.
+    /// Volumes of the file.
     pub volumes: Vec<GltfVolume>,
-    /// Its nodes with meshes.
+    /// Nodes of the file that have meshes.
     pub meshes: Vec<GltfMesh>,
     /// What it contains and this version leaves out, as sentences.
     pub not_modelled: Vec<String>,
@@ -201,7 +201,9 @@ pub fn parse(
     walk(&document, &root, parts.bin, animations, lumens_per_watt)
 }
 
-/// As [`parse`], and reads surfaces as [`load_with_surfaces`].
+/// Reads a glTF file and its surfaces from its bytes, with the buffers and images that it names.
+///
+/// `path` names the file and is what its files are relative to.
 pub fn parse_with_surfaces(
     path: impl AsRef<Path>,
     bytes: &[u8],

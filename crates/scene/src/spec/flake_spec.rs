@@ -10,10 +10,10 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum FlakeScatteringSpec {
-    /// As a mirror.
+    /// The flake is a mirror.
     #[default]
     Specular,
-    /// As a matt surface.
+    /// The flake is a matte surface.
     Diffuse,
 }
 

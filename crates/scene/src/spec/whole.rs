@@ -81,7 +81,7 @@ pub fn number<'de, D: Deserializer<'de>, T: Whole>(deserializer: D) -> Result<T,
 /// A number or null.
 ///
 /// # Errors
-/// As [`number`].
+/// If there is something else, or the type does not have the number.
 pub fn option<'de, D: Deserializer<'de>, T: Whole>(deserializer: D) -> Result<Option<T>, D::Error> {
     Ok(Option::<One<T>>::deserialize(deserializer)?.map(|One(value)| value))
 }
@@ -89,7 +89,7 @@ pub fn option<'de, D: Deserializer<'de>, T: Whole>(deserializer: D) -> Result<Op
 /// Two numbers or null.
 ///
 /// # Errors
-/// As [`number`].
+/// If there is something else, another number of them, or one that the type does not have.
 pub fn option_of_2<'de, D: Deserializer<'de>, T: Whole>(
     deserializer: D,
 ) -> Result<Option<[T; 2]>, D::Error> {
@@ -99,7 +99,7 @@ pub fn option_of_2<'de, D: Deserializer<'de>, T: Whole>(
 /// Four numbers or null.
 ///
 /// # Errors
-/// As [`number`].
+/// If there is something else, another number of them, or one that the type does not have.
 pub fn option_of_4<'de, D: Deserializer<'de>, T: Whole>(
     deserializer: D,
 ) -> Result<Option<[T; 4]>, D::Error> {

@@ -54,9 +54,10 @@ pub struct Interaction {
     pub emitter: Option<u32>,
     /// How far the point may be off its plane, or off the faces that coincide with it.
     pub(crate) offset: f64,
-    /// As in [`Hit`].
+    /// How far faces that coincide with this one may be from it; 0 if there are none.
     pub(crate) slack: f32,
-    /// As in [`Hit`].
+    /// Of a sheet that lies on both sides of an opaque one in the same place: whether its front is
+    /// on the outside.
     pub(crate) outer_front: bool,
 }
 
@@ -81,7 +82,7 @@ impl Interaction {
 pub(crate) struct Rounding {
     /// Absolute values of the matrix to the world.
     matrix: DMat3,
-    /// The same times those of its inverse.
+    /// Absolute values of the matrix to the world, times those of its inverse.
     round_trip: DMat3,
     /// What does not depend on the point.
     constant: DVec3,

@@ -43,7 +43,7 @@ use triangle::ShearedRay;
 /// What makes a transmissive surface without `KHR_materials_volume` a body or a thin wall.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum GlassRule {
-    /// As glTF says: such a surface is infinitely thin and bends nothing.
+    /// What glTF says: such a surface is infinitely thin and bends nothing.
     ByTheLetter,
     /// Where a connected part of its mesh is closed (no edge is open, vertices at equal places taken
     /// for one) and holds a volume, that part bounds a body. Exporters leave the extension out

@@ -21,15 +21,15 @@ pub struct SurfaceParameters {
     pub transmission: f32,
     /// Share of diffuse light that leaves on the other side, in [0, 1] (`KHR_materials_diffuse_transmission`).
     pub diffuse_transmission: f32,
-    /// Its colour.
+    /// Colour of the diffuse transmission, linear Rec. 709.
     pub diffuse_transmission_color: Vec3,
     /// Strength of the clear coat, in [0, 1] (`KHR_materials_clearcoat`).
     pub clearcoat: f32,
-    /// Its perceptual roughness.
+    /// Perceptual roughness of the clear coat.
     pub clearcoat_roughness: f32,
     /// Colour of the sheen (`KHR_materials_sheen`).
     pub sheen_color: Vec3,
-    /// Its perceptual roughness.
+    /// Perceptual roughness of the sheen.
     pub sheen_roughness: f32,
     /// Whether the surface is an infinitely thin wall, so that what it transmits is not bent; else it bounds a body of index `ior`.
     pub thin_walled: bool,

@@ -85,7 +85,7 @@ pub struct VolumeRequest<'a> {
 pub enum DefaultScale {
     /// One per scene unit.
     One,
-    /// So that the volume looks like a cloud, see [`automatic_scale`]; or like a fire if nothing is
+    /// What makes the volume look like a cloud, see [`automatic_scale`]; or like a fire if nothing is
     /// said about light and the file has a grid `flame`, `flames`, `heat` or `temperature`.
     Cloud,
 }
@@ -916,7 +916,8 @@ const KELVIN: f64 = 100.0;
 const FIRST_GLOW: f64 = 800.0;
 /// Albedo of the smoke around a fire that nobody described.
 const SOOT_ALBEDO: f64 = 0.6;
-/// Its optical depth as a share of that of a cloud: flames are seen through it.
+/// Optical depth of the smoke around a fire that nobody described, as a share of that of a cloud:
+/// flames are seen through it.
 const SOOT_SHARE: f64 = 0.2;
 
 /// The extinction per scene unit at grid value 1 that makes a volume look like a cloud.
