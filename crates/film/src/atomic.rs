@@ -77,8 +77,8 @@ pub fn remove_abandoned(folder: &Path) -> usize {
     removed
 }
 
-/// Whether a file bears a name that [`Temporary`] gives: the prefix, letters and digits, the suffix.
-/// Releases before 2027 put a process and a serial number in between.
+/// Whether a file bears a name that [`Temporary`] gives: the prefix, letters and digits, the
+/// suffix. Releases before 2027 put a process and a serial number in between.
 fn is_temporary(name: &OsStr) -> bool {
     let name = name.to_str();
     let middle = name.and_then(|n| n.strip_prefix(PREFIX)).and_then(|n| n.strip_suffix(SUFFIX));

@@ -240,7 +240,8 @@ impl ColorSpace {
 
     /// Converts pixels to linear Rec. 709, white adapted to D65 by Bradford's transform.
     ///
-    /// Colours outside the gamut of Rec. 709 get negative values. Linear Rec. 709 stays bit for bit.
+    /// Colours outside the gamut of Rec. 709 get negative values. Linear Rec. 709 stays bit for
+    /// bit.
     pub fn convert_to_rec_709(&self, pixels: &mut [[f32; 3]]) {
         if self.transfer != Transfer::Linear {
             for value in pixels.iter_mut().flatten() {

@@ -9,7 +9,8 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// The file system refused; the cause tells whether permissions, space or the path are at fault.
+    /// The file system refused; the cause tells whether permissions, space or the path are at
+    /// fault.
     #[error("{place}: cannot {action}; check that the folder exists, is writable and has space")]
     Io {
         /// File or stream.

@@ -1,4 +1,5 @@
-//! A renderer: scene, plan, media, lights and prepass of one render, and the one place where a plan turns into a compiled kernel.
+//! A renderer: scene, plan, media, lights and prepass of one render, and the one place where a plan
+//! turns into a compiled kernel.
 
 use crate::counters::Counters;
 use crate::error::{Error, Parameter, Remedy};
@@ -108,7 +109,8 @@ impl PlannedMedia {
     }
 }
 
-/// All that a render needs beside a film: the scene, what is planned for it, and what was made for that.
+/// All that a render needs beside a film: the scene, what is planned for it, and what was made for
+/// that.
 #[derive(Debug)]
 pub struct Renderer<'a> {
     scene: &'a Scene,
@@ -120,10 +122,12 @@ pub struct Renderer<'a> {
 }
 
 impl<'a> Renderer<'a> {
-    /// Plans a render of `scene`, makes what it needs, and traces the prepass: some seconds of work at most, whatever the scene.
+    /// Plans a render of `scene`, makes what it needs, and traces the prepass: some seconds of work
+    /// at most, whatever the scene.
     ///
     /// # Errors
-    /// If the settings ask for what the scene does not allow, or if paths would not end by construction.
+    /// If the settings ask for what the scene does not allow, or if paths would not end by
+    /// construction.
     pub fn new(scene: &'a Scene, settings: &RenderSettings) -> Result<Renderer<'a>, Error> {
         let lights = Lights::new(scene, settings.light_sampling);
         let plan = Plan::with_lights(scene, settings, &lights)?;
@@ -150,12 +154,14 @@ impl<'a> Renderer<'a> {
         &self.settings
     }
 
-    /// Renders the settings' samples of every pixel of the film's window into it, on the current rayon pool.
+    /// Renders the settings' samples of every pixel of the film's window into it, on the current
+    /// rayon pool.
     ///
-    /// The value of a sample depends on scene, settings, pixel and sample number alone, and the film's sums are exact: threads, tile
-    /// size, the length of passes and any split of the samples change nothing, bit for bit. When the
-    /// monitor cancels, paths end where they are and count nowhere; the film, and the counters
-    /// returned, hold all whole passes done so far: the first `film.samples()` of the range.
+    /// The value of a sample depends on scene, settings, pixel and sample number alone, and the
+    /// film's sums are exact: threads, tile size, the length of passes and any split of the samples
+    /// change nothing, bit for bit. When the monitor cancels, paths end where they are and count
+    /// nowhere; the film, and the counters returned, hold all whole passes done so far: the first
+    /// `film.samples()` of the range.
     ///
     /// # Errors
     /// If film and camera differ in resolution, or if there is no memory for the samples of a pass.
@@ -253,7 +259,8 @@ impl<'a> Parts<'a> {
         }
     }
 
-    /// Runs a job with the kernel that every scene can run: a merged list, split where the plan says so, beside surfaces.
+    /// Runs a job with the kernel that every scene can run: a merged list, split where the plan
+    /// says so, beside surfaces.
     pub(crate) fn with_general_kernel<J: Job>(&self, job: &mut J) -> J::Output {
         if self.plan.kernel.channels == Channels::Split {
             return job.run(&self.kernel(
@@ -264,8 +271,8 @@ impl<'a> Parts<'a> {
         self.with_coupled_kernel(job)
     }
 
-    /// Runs a job with a kernel that every scene can run and whose channels do not decouple: a merged
-    /// list, spectral, beside surfaces.
+    /// Runs a job with a kernel that every scene can run and whose channels do not decouple: a
+    /// merged list, spectral, beside surfaces.
     pub(crate) fn with_coupled_kernel<J: Job>(&self, job: &mut J) -> J::Output {
         let emissive_volumes = self.emissive_volumes();
         let world = self.volumes_and_surfaces(&emissive_volumes);

@@ -54,7 +54,8 @@ pub fn flip(a: &Image, b: &Image, exposure_stops: f32) -> Result<Flip, Error> {
     Ok(Flip { mean, map: image, tone })
 }
 
-/// The error of each pixel in `[0, 1]` of two sRGB images of equal size, 3 bytes a pixel. Symmetric.
+/// The error of each pixel in `[0, 1]` of two sRGB images of equal size, 3 bytes a pixel.
+/// Symmetric.
 pub fn flip_rgb8(a: &[u8], b: &[u8], width: usize) -> Vec<f32> {
     let [a, b] = [a, b].map(|bytes| Seen::new(bytes, width));
     let largest = hyab(hunt_lab([0.0, 1.0, 0.0]), hunt_lab([0.0, 0.0, 1.0])).powf(COLOR_EXPONENT);

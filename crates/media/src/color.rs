@@ -19,7 +19,8 @@ pub struct ColorGrid {
 }
 
 impl ColorGrid {
-    /// From a vector grid. `to_index` maps the index space of the medium that asks to that of this tree.
+    /// From a vector grid. `to_index` maps the index space of the medium that asks to that of this
+    /// tree.
     ///
     /// # Errors
     /// If the tree spans more than 2^31 voxels along an axis.
@@ -56,7 +57,8 @@ impl ColorGrid {
         self.clamped
     }
 
-    /// Smallest value of each channel over a box of the asking medium's index space: never too large.
+    /// Smallest value of each channel over a box of the asking medium's index space: never too
+    /// large.
     pub(crate) fn least_over(&self, bounds: Bounds3) -> Vec3 {
         let bounds = box_over(&self.to_index, bounds);
         let least = |channel: &VoxelGrid| channel.range_over(bounds).0;

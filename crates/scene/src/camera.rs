@@ -101,8 +101,8 @@ impl Camera {
         Self::framing_balls(bounds.corners(), 0.0, fov_y_degrees, resolution)
     }
 
-    /// A three-quarter view from slightly above that shows balls around points as large as they fit,
-    /// with a small margin.
+    /// A three-quarter view from slightly above that shows balls around points as large as they
+    /// fit, with a small margin.
     ///
     /// `centres` and the `radius` that all balls have are in world space, in scene units.
     ///

@@ -1,12 +1,17 @@
-//! A list of media, overlapping or not: one process of tentative collisions, merged from all that a ray meets.
+//! A list of media, overlapping or not: one process of tentative collisions, merged from all that a
+//! ray meets.
 //!
-//! Overlapping media are independent Poisson processes: their tentative collisions are taken in order along the ray, transmittances multiply. A ray that meets one
-//! medium walks it as the kernels of one grid do.
+//! Overlapping media are independent Poisson processes: their tentative collisions are taken in
+//! order along the ray, transmittances multiply. A ray that meets one medium walks it as the
+//! kernels of one grid do.
 //!
-//! Media with a transmittance function that is not exponential are entries of the list like any other. Those functions have a memory: a flight is one piece from where
-//! it starts to the next real collision or surface, null collisions do not reset it, and nothing is a product over parts of a ray. A ray that starts at a scatterer of
-//! a medium is correlated with that medium alone; light, cameras and surfaces are not correlated with any. Functions that are mixtures of exponentials run on the
-//! extinction times a drawn rate; others, and media too long to walk, fly by closed forms of their own, and the nearest collision counts.
+//! Media with a transmittance function that is not exponential are entries of the list like any
+//! other. Those functions have a memory: a flight is one piece from where it starts to the next
+//! real collision or surface, null collisions do not reset it, and nothing is a product over parts
+//! of a ray. A ray that starts at a scatterer of a medium is correlated with that medium alone;
+//! light, cameras and surfaces are not correlated with any. Functions that are mixtures of
+//! exponentials run on the extinction times a drawn rate; others, and media too long to walk, fly
+//! by closed forms of their own, and the nearest collision counts.
 
 use super::channels::ChannelMode;
 use super::collisions::{Ahead, ManyMedia, OneMedium};
@@ -37,7 +42,8 @@ pub(crate) struct Merged<'a, C> {
     index: &'a MediaIndex,
     methods: Methods,
     channels: C,
-    /// How debiased ray marching chooses its levels under transmittance functions that are not exponential.
+    /// How debiased ray marching chooses its levels under transmittance functions that are not
+    /// exponential.
     series: Telescope,
     /// Whether flights take tentative collisions in order, and not medium by medium.
     tracks: bool,
@@ -62,7 +68,8 @@ fn closed_form(medium: &Medium, ray: &Ray, t_max: f64) -> Option<f32> {
     Some(if tau.is_nan() { 1.0 } else { libm::exp(-tau) as f32 })
 }
 
-/// Whether a ray never leaves a medium that differs per channel: without end, transmittance is zero or one.
+/// Whether a ray never leaves a medium that differs per channel: without end, transmittance is zero
+/// or one.
 fn endless(medium: &Medium, ray: &Ray, t_max: f64) -> bool {
     let Some(shape) = medium.homogeneous_box() else {
         return false;
@@ -75,8 +82,8 @@ fn endless(medium: &Medium, ray: &Ray, t_max: f64) -> bool {
 /// segment through a homogeneous medium is not walked.
 const MAX_WALKED_DEPTH: f64 = 256.0;
 
-/// Whether a medium is homogeneous and its channels differ so much that a segment may be too long to
-/// walk.
+/// Whether a medium is homogeneous and its channels differ so much that a segment may be too long
+/// to walk.
 pub(super) fn is_uneven(medium: &Medium) -> bool {
     let uneven = |s: f32| s > 0.0 && f64::from(s) * MAX_WALKED_DEPTH < 1.0;
     let ratio = medium.chromatic_ratio();
@@ -98,7 +105,8 @@ fn too_long_to_walk(medium: &Medium, ray: &Ray, t_max: f64) -> Option<f64> {
     (depth > MAX_WALKED_DEPTH).then_some(depth)
 }
 
-/// Whether a medium's flights and shadow rays run on a drawn rate: homogeneous media have closed forms.
+/// Whether a medium's flights and shadow rays run on a drawn rate: homogeneous media have closed
+/// forms.
 fn runs_on_rates(medium: &Medium, law: &Law) -> bool {
     medium.grid().is_some() && law.is_mixture_of_exponentials()
 }
@@ -199,7 +207,8 @@ impl<'a, C: ChannelMode> Merged<'a, C> {
         Merged { media, index, methods, channels, series, tracks, weighs }
     }
 
-    /// Whether shadow rays walk a medium by the same collisions as flights, so that null decisions belong into weights.
+    /// Whether shadow rays walk a medium by the same collisions as flights, so that null decisions
+    /// belong into weights.
     #[inline(always)]
     fn weighs(&self, medium: &Medium, ray: &Ray, t_max: f64) -> bool {
         let grey = C::GREY || medium.chromatic_ratio() == Vec3::ONE;
@@ -208,7 +217,8 @@ impl<'a, C: ChannelMode> Merged<'a, C> {
             && medium.transmittance_function().is_none()
     }
 
-    /// Flies through a grid that no other medium overlaps, as the kernels of one grid do; whether no channel is under way behind it.
+    /// Flies through a grid that no other medium overlaps, as the kernels of one grid do; whether
+    /// no channel is under way behind it.
     #[inline(always)]
     fn fly_through_grid<R: Rng + Clone>(
         &self,
@@ -279,7 +289,8 @@ impl<'a, C: ChannelMode> Merged<'a, C> {
             Entry::new(number, &self.media[number], ray, segment.t_max)
         };
         let mut entries: Entries<'a> = met.iter().filter_map(meet).collect();
-        // Media that begin at the same point are told apart by their number, whatever order the index found them in.
+        // Media that begin at the same point are told apart by their number, whatever order the
+        // index found them in.
         entries.sort_unstable_by(|a, b| b.t().total_cmp(&a.t()).then(b.medium().cmp(&a.medium())));
         if !self.tracks {
             let nearest = self.fly_each(segment, entries, first, flight, (rng, tally));
@@ -315,9 +326,10 @@ impl<'a, C: ChannelMode> Merged<'a, C> {
         (self.channels.fly(flight, collisions, decision, rng, tally), nearest)
     }
 
-    /// Flies past the media that are not walked: the nearest of their collisions, each by a closed form
-    /// of its own, ends the flight if nothing does before. The weights of all count, since those
-    /// that flew further stand for the transmittance up to there. Returns the other media, with rates where their transmittance functions have some, and that collision.
+    /// Flies past the media that are not walked: the nearest of their collisions, each by a closed
+    /// form of its own, ends the flight if nothing does before. The weights of all count, since
+    /// those that flew further stand for the transmittance up to there. Returns the other media,
+    /// with rates where their transmittance functions have some, and that collision.
     fn fly_own<R: Rng + Clone>(
         &self,
         RaySegment { ray, start, t_max }: RaySegment<'_>,
@@ -361,8 +373,9 @@ impl<'a, C: ChannelMode> Merged<'a, C> {
         (walked, nearest)
     }
 
-    /// Every sampler but those that take the collisions of all media in order: each medium flies alone, the nearest collision wins, and the
-    /// weights of all flights count, since those that flew further stand for the transmittance up to there.
+    /// Every sampler but those that take the collisions of all media in order: each medium flies
+    /// alone, the nearest collision wins, and the weights of all flights count, since those that
+    /// flew further stand for the transmittance up to there.
     fn fly_each<R: Rng + Clone>(
         &self,
         RaySegment { ray, start, t_max }: RaySegment<'_>,
@@ -516,8 +529,9 @@ impl<'a, C: ChannelMode> Merged<'a, C> {
         self.methods.transmittance == Estimator::Ratio
     }
 
-    /// What a shadow ray of a path with throughput `beta` finds of medium number `number`, which is no grid, or by another
-    /// estimator than ratio tracking; [`Merged::shadow`] has the other cases.
+    /// What a shadow ray of a path with throughput `beta` finds of medium number `number`, which is
+    /// no grid, or by another estimator than ratio tracking; [`Merged::shadow`] has the other
+    /// cases.
     #[inline(never)]
     fn shadow_of_other<R: Rng + Clone>(
         &self,
@@ -561,7 +575,8 @@ impl<'a, C: ChannelMode> Merged<'a, C> {
         Shadow { transmittance, null_probability }
     }
 
-    /// Draws a rate for a shadow ray, if the plan's estimator and the transmittance function of the medium run on one.
+    /// Draws a rate for a shadow ray, if the plan's estimator and the transmittance function of the
+    /// medium run on one.
     #[inline]
     fn draw_rate<R: Rng + Clone>(
         &self,
@@ -598,7 +613,8 @@ impl<'a, C: ChannelMode> Merged<'a, C> {
     }
 }
 
-/// The phase function at a collision, if it is neither isotropic nor Henyey-Greenstein, the same everywhere.
+/// The phase function at a collision, if it is neither isotropic nor Henyey-Greenstein, the same
+/// everywhere.
 #[inline(never)]
 fn other_phase<'m, R: Rng>(
     medium: &'m Medium,
@@ -628,7 +644,8 @@ fn fly_by_depth<R: Rng + Clone>(
     }
 }
 
-/// Transmittance that needs no walk, with the null probability that weights count; `None` where a ray has to be walked.
+/// Transmittance that needs no walk, with the null probability that weights count; `None` where a
+/// ray has to be walked.
 #[inline]
 fn known_transmittance(medium: &Medium, ray: &Ray, t_max: f64) -> Option<Shadow> {
     if medium.homogeneous_box().is_none() || medium.transmittance_function().is_some() {
@@ -719,7 +736,8 @@ impl<'a, C: ChannelMode> Media for Merged<'a, C> {
             let medium = &self.media[index as usize];
             let sigma_t = medium.sigma_t_at(p_world) as f32;
             if sigma_t > 0.0 {
-                // From a place that is correlated with no scatterer: the density of a collision at no depth.
+                // From a place that is correlated with no scatterer: the density of a collision at
+                // no depth.
                 let per_path = medium
                     .transmittance_function()
                     .map_or(1.0, |law| 1.0 / law.mean_free_path() as f32);

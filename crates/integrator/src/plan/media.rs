@@ -28,8 +28,9 @@ pub struct PlannedVolume {
     pub albedo: String,
 }
 
-/// Optical depth per voxel from which on walks by tentative collisions lose to exact ones whatever else there is: they take its root at every edge, and all of it
-/// where a cell is empty beside a voxel.
+/// Optical depth per voxel from which on walks by tentative collisions lose to exact ones whatever
+/// else there is: they take its root at every edge, and all of it where a cell is empty beside a
+/// voxel.
 pub(super) const DENSE: f64 = 16_384.0;
 
 /// Optical depth per voxel from which on walks by tentative collisions do not end.

@@ -1,4 +1,5 @@
-//! The plan: the simplest machinery that is exact for a scene, chosen once per render, and why. Data: a function of scene and settings that traces no path.
+//! The plan: the simplest machinery that is exact for a scene, chosen once per render, and why.
+//! Data: a function of scene and settings that traces no path.
 
 mod axes;
 mod lights;
@@ -24,7 +25,8 @@ use pileus_media::{Expectation, MajorantStructure, Medium};
 use pileus_scene::{Light, Scene, Surfaces};
 use serde::Serialize;
 
-/// What is modelled, by which methods, and why. Prints itself for people and serialises for `stats` and image metadata.
+/// What is modelled, by which methods, and why. Prints itself for people and serialises for `stats`
+/// and image metadata.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Plan {
     /// Which path kernel runs.
@@ -208,7 +210,8 @@ impl Facts {
 }
 
 impl Plan {
-    /// Plans a render: a function of scene and settings, in at most some seconds whatever the scene.
+    /// Plans a render: a function of scene and settings, in at most some seconds whatever the
+    /// scene.
     ///
     /// # Errors
     /// If the settings ask for what the scene does not allow, or if paths would not end by
@@ -341,8 +344,8 @@ impl Plan {
         })
     }
 
-    /// This plan with what a render counted in the place of what might have happened: which limits did cut
-    /// paths.
+    /// This plan with what a render counted in the place of what might have happened: which limits
+    /// did cut paths.
     pub fn settled(mut self, counters: &Counters) -> Plan {
         let Some(n) = self.max_events else { return self };
         self.biased.retain(|line| !line.starts_with(warnings::MAX_EVENTS));

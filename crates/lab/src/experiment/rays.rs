@@ -54,8 +54,8 @@ pub struct LabRay {
 /// Candidates that are looked at before a class is left with what was found.
 const CANDIDATES: u32 = 40_000;
 
-/// Shadow rays of a medium: from points where it is dense, in random directions, up to `per_class` of each class. Some assets have no ray of a
-/// class, or few.
+/// Shadow rays of a medium: from points where it is dense, in random directions, up to `per_class`
+/// of each class. Some assets have no ray of a class, or few.
 pub fn classed_rays(medium: &Medium, per_class: usize, seed: u64) -> Vec<LabRay> {
     let Some(Bounds3 { low, high }) = medium.bounds_world() else {
         return Vec::new();

@@ -12,10 +12,12 @@ use std::time::Instant;
 /// How a grid is parted for its majorants.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum MajorantStructure {
-    /// Cells of 4, 8, 16, ... voxels, merged bottom-up by the cost model: part of every grid, built once for all looks.
+    /// Cells of 4, 8, 16, ... voxels, merged bottom-up by the cost model: part of every grid, built
+    /// once for all looks.
     #[default]
     Adaptive,
-    /// Cells of 4, 8, 16, ... voxels, each level chosen by the walk: the largest in which at most one tentative collision is expected.
+    /// Cells of 4, 8, 16, ... voxels, each level chosen by the walk: the largest in which at most
+    /// one tentative collision is expected.
     Hierarchy,
     /// A kd-tree, split by the cost model.
     KdTree,

@@ -136,7 +136,8 @@ const MODELLED: [&str; 7] = [
 
 /// Names that a list in a message shows.
 const SHOWN: usize = 8;
-/// The custom properties (flat keys of `extras`) by which a node becomes a volume: name and meaning.
+/// The custom properties (flat keys of `extras`) by which a node becomes a volume: name and
+/// meaning.
 pub fn custom_properties() -> Vec<(&'static str, &'static str)> {
     flat_keys()
 }

@@ -1,4 +1,5 @@
-//! Whole numbers in JSON, which may be written with a fraction of zero: 4.0 is 4, as in JSON Schema.
+//! Whole numbers in JSON, which may be written with a fraction of zero: 4.0 is 4, as in JSON
+//! Schema.
 //!
 //! For `#[serde(deserialize_with = ...)]` on every whole number that people write.
 

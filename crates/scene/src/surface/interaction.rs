@@ -106,7 +106,8 @@ impl Rounding {
     /// vertices of at most `reach` in the mesh's space and is the origin of a ray into it.
     pub(crate) fn offset(&self, reach: DVec3, p_world: DVec3, normal: Vec3) -> f64 {
         let error = self.matrix * reach + self.round_trip * p_world.abs() + self.constant;
-        // The next ray's distance to the triangle is made from all coordinates, whatever the normal: a floor at height zero is no exact plane to it.
+        // The next ray's distance to the triangle is made from all coordinates, whatever the
+        // normal: a floor at height zero is no exact plane to it.
         let error = error.max_element() * f64::from(normal.abs().element_sum());
         // Something above zero even at the origin of everything.
         (error * ROUNDING).max(f64::MIN_POSITIVE)

@@ -10,7 +10,8 @@ use crate::spec::flake_spec::{FlakeShapeSpec, FlakeSpec};
 /// Where the specification is, in a volume.
 pub(crate) const POINTER: &str = "/phase/distribution";
 
-/// The grids of a volume's file, with the map from the index space of its density to theirs. Keys are for errors.
+/// The grids of a volume's file, with the map from the index space of its density to theirs. Keys
+/// are for errors.
 pub(crate) trait FlakeGrids {
     /// A grid of vectors.
     fn vectors(&mut self, name: &str, key: &str) -> Result<(Tree<[f32; 3]>, DAffine3), Error>;

@@ -85,13 +85,13 @@ pub struct VolumeRequest<'a> {
 pub enum DefaultScale {
     /// One per scene unit.
     One,
-    /// What makes the volume look like a cloud, see [`automatic_scale`]; or like a fire if nothing is
-    /// said about light and the file has a grid `flame`, `flames`, `heat` or `temperature`.
+    /// What makes the volume look like a cloud, see [`automatic_scale`]; or like a fire if nothing
+    /// is said about light and the file has a grid `flame`, `flames`, `heat` or `temperature`.
     Cloud,
 }
 
-/// What a render grid is made of: file, grid, channel of a vector grid, and whether values are those of the
-/// nearest voxel.
+/// What a render grid is made of: file, grid, channel of a vector grid, and whether values are
+/// those of the nearest voxel.
 type GridKey = (PathBuf, usize, Option<usize>, bool);
 
 /// Loads volumes; remembers files and grids, so that volumes made of the same grid share it.
@@ -635,7 +635,8 @@ impl FlakeGrids for PhaseGrids<'_> {
     }
 }
 
-/// From the index space of the density to that of another grid of the same file; both share the world transform.
+/// From the index space of the density to that of another grid of the same file; both share the
+/// world transform.
 fn between(
     density: &GridInfo,
     other: &GridInfo,
@@ -901,7 +902,8 @@ pub const CLOUD_OPTICAL_DEPTH: f64 = 20.0;
 
 /// Names of grids that say where there is fire, the clearest first.
 const FIRES: [&str; 4] = ["flame", "flames", "heat", "temperature"];
-/// Colours by the value of such a grid, from none to the largest: a picture of fire, no measurement.
+/// Colours by the value of such a grid, from none to the largest: a picture of fire, no
+/// measurement.
 const FIRE_RAMP: [(f64, [f64; 3]); 4] = [
     (0.0, [0.0; 3]),
     (0.35, [0.1, 0.012, 0.0]),

@@ -17,7 +17,8 @@ use crate::spec::phase_spec::{CosineSpec, LobeSpec, PhaseSpec};
 /// Largest table in bytes.
 const MAX_TABLE: u64 = 64 << 20;
 
-/// The phase function of a volume whose placement is this; its place in the specification is `/phase`. Mean cosines by grid are not looked up here.
+/// The phase function of a volume whose placement is this; its place in the specification is
+/// `/phase`. Mean cosines by grid are not looked up here.
 pub(crate) fn phase(
     spec: Option<&PhaseSpec>,
     placement: &DAffine3,
