@@ -48,7 +48,8 @@ pub fn grid_medium(
     medium.expect("a medium")
 }
 
-/// A cube of edge `2 half` around the origin with the same extinction everywhere, as a grid of 16^3 voxels.
+/// A cube of edge `2 half` around the origin with the same extinction everywhere, as a grid of 16^3
+/// voxels.
 pub fn cube_grid(half: f64, sigma_t: [f32; 3], albedo: [f32; 3], phase: Phase) -> Medium {
     let tree = Tree::from_dense(0.0f32, [0; 3], [16; 3], &[1.0; 16 * 16 * 16]);
     // Under nearest interpolation voxel i fills [i - 1/2, i + 1/2).
@@ -57,7 +58,8 @@ pub fn cube_grid(half: f64, sigma_t: [f32; 3], albedo: [f32; 3], phase: Phase) -
     grid_medium(&tree, Interpolation::Nearest, index_to_world, sigma_t, albedo, phase)
 }
 
-/// A cube of edge `2 half` around the origin whose voxels differ wildly from their neighbours: most tentative collisions are null.
+/// A cube of edge `2 half` around the origin whose voxels differ wildly from their neighbours: most
+/// tentative collisions are null.
 pub fn lumpy_grid(half: f64, sigma_t: [f32; 3], albedo: [f32; 3], phase: Phase) -> Medium {
     // Values 0.1 to 3, skewed, from a hash of the voxel's number; mean about 0.8.
     let values: Vec<f32> = (0..16u32.pow(3))
@@ -119,7 +121,8 @@ pub fn scene(media: Vec<Medium>, position: DVec3, target: DVec3, fov_y: f64) -> 
     }
 }
 
-/// Transmittance of all media of a scene along a segment from where nothing is correlated with them, per channel; exact, by their optical depths and their laws.
+/// Transmittance of all media of a scene along a segment from where nothing is correlated with
+/// them, per channel; exact, by their optical depths and their laws.
 pub fn transmittance(scene: &Scene, p: DVec3, d: DVec3, t_max: f64) -> DVec3 {
     let mut product = DVec3::ONE;
     for volume in &scene.volumes {
@@ -196,8 +199,8 @@ pub fn cube_span(o: DVec3, d: DVec3, half: f64) -> Option<(f64, f64)> {
 
 /// Tests that two renders have the same expectation.
 ///
-/// Null hypothesis: they do. Blocks of 16 x 16 pixels make a normal mean; Bonferroni over blocks, channels and statistics. Fails by
-/// chance with probability below 1e-9 if the normal law holds.
+/// Null hypothesis: they do. Blocks of 16 x 16 pixels make a normal mean; Bonferroni over blocks,
+/// channels and statistics. Fails by chance with probability below 1e-9 if the normal law holds.
 pub fn assert_same(what: &str, a: &Rendered, b: &Rendered) {
     let test = pileus_lab::block_z_test(&a.image, &a.variance, &b.image, &b.variance, 16);
     let test = test.expect("images of one size");
@@ -246,8 +249,9 @@ pub fn assert_expected(what: &str, a: &Rendered, expected: impl Fn(u32, u32) -> 
 
 /// Tests that a render is one everywhere but for a systematic error of at most `tolerance`.
 ///
-/// Null hypothesis: the mean of each block of 16 x 16 pixels is within `tolerance` of one. |z| < 6.5 on 48 blocks: false alarm 4e-9. The standard error of the
-/// whole must be below `power`, else the test says too little.
+/// Null hypothesis: the mean of each block of 16 x 16 pixels is within `tolerance` of one. |z| <
+/// 6.5 on 48 blocks: false alarm 4e-9. The standard error of the whole must be below `power`, else
+/// the test says too little.
 pub fn assert_one(what: &str, a: &Rendered, tolerance: f64, power: f64) {
     let (width, height) = (a.image.width() as usize, a.image.height() as usize);
     let (mut worst, mut furthest, mut whole) = (0.0f64, 0.0f64, 0.0f64);
@@ -320,7 +324,8 @@ pub fn cube(half: f32) -> Triangles {
         .collect()
 }
 
-/// A glTF scene of `tests/data/gltf` that wants a volume of `scenes/assets` in the folder above its own.
+/// A glTF scene of `tests/data/gltf` that wants a volume of `scenes/assets` in the folder above its
+/// own.
 pub fn blender(name: &str, volume: &str, resolution: [u32; 2]) -> Scene {
     let folder = tempfile::tempdir().expect("a folder");
     let gltf = folder.path().join("gltf");
@@ -345,7 +350,8 @@ pub fn blender(name: &str, volume: &str, resolution: [u32; 2]) -> Scene {
 /// Corners of triangles, counter-clockwise seen from the front.
 pub type Triangles = Vec<[[f32; 3]; 3]>;
 
-/// A glTF scene of triangles in memory: each mesh is a list of triangles and its material, as glTF writes it.
+/// A glTF scene of triangles in memory: each mesh is a list of triangles and its material, as glTF
+/// writes it.
 pub fn surfaces(meshes: &[(Triangles, Value)]) -> Arc<pileus_scene::Surfaces> {
     let (mut bytes, mut views, mut accessors, mut parts) = (Vec::new(), vec![], vec![], vec![]);
     for (i, (triangles, _)) in meshes.iter().enumerate() {

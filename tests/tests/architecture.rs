@@ -51,7 +51,8 @@ const MAY_USE: [(&str, &[&str]); 9] = [
     ),
 ];
 
-/// External crates that only these may use: file formats and the user's interface stay in their rooms.
+/// External crates that only these may use: file formats and the user's interface stay in their
+/// rooms.
 const ONLY: [(&str, &[&str]); 6] = [
     ("gltf", &["pileus-scene"]),
     ("exr", &["pileus-scene", "pileus-film"]),

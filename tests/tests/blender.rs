@@ -12,7 +12,8 @@ struct Block {
     at: [usize; 2],
     ours: f64,
     theirs: f64,
-    /// Standard error of the difference: ours is known, theirs is judged by how neighbouring pixels differ.
+    /// Standard error of the difference: ours is known, theirs is judged by how neighbouring pixels
+    /// differ.
     error: f64,
 }
 
@@ -52,8 +53,9 @@ fn blocks(ours: &Rendered, theirs: &Image) -> Vec<Block> {
     blocks
 }
 
-/// Every block that is lit and outside `other` agrees within 2 % and what noise explains (4.5 standard errors: false alarm 7e-6 a block in the tails of the normal law,
-/// were the difference 2 % exactly).
+/// Every block that is lit and outside `other` agrees within 2 % and what noise explains (4.5
+/// standard errors: false alarm 7e-6 a block in the tails of the normal law, were the difference 2
+/// % exactly).
 fn check(name: &str, ours: &Rendered, lit: f64, other: &[(&str, Area)]) {
     let path = root().join(format!("tests/data/peers/{name}_cycles.exr"));
     let theirs = read_exr(&path).unwrap();
@@ -99,8 +101,9 @@ fn fire_is_cycles_fire() {
     assert!((ratio - 1.0).abs() < 0.003, "{ratio}");
 }
 
-/// What differs on purpose: Blender's spot has another falloff in its penumbra, which falls on the floor in a ring and on the foot of the smoke; Cycles' metal is not
-/// Schlick's; light through the glass ball and off the brass falls on the floor.
+/// What differs on purpose: Blender's spot has another falloff in its penumbra, which falls on the
+/// floor in a ring and on the foot of the smoke; Cycles' metal is not Schlick's; light through the
+/// glass ball and off the brass falls on the floor.
 #[test]
 fn studio_is_cycles_studio_beside_glass_brass_and_penumbra() {
     let mut scene = blender("studio.glb", "smoke_plume.vdb", [480, 270]);

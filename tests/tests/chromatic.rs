@@ -1,4 +1,5 @@
-//! One grid of extinction per channel: channels that fly together and part, against grey renders of each and against weights over channels.
+//! One grid of extinction per channel: channels that fly together and part, against grey renders of
+//! each and against weights over channels.
 #![allow(clippy::print_stdout, reason = "figures are worth reading beside a verdict")]
 
 use glam::{DVec3, Vec3};
@@ -41,8 +42,9 @@ fn mean_variance(rendered: &Rendered, channel: &str) -> f64 {
     plane.iter().map(|v| f64::from(*v)).sum::<f64>() / plane.len() as f64
 }
 
-/// Every channel is what a grey render of its extinction and albedo shows, and so is the coverage: weights of one, clear channels, extreme ratios, channels
-/// that absorb everything, any order of strength, equal channels, the camera inside.
+/// Every channel is what a grey render of its extinction and albedo shows, and so is the coverage:
+/// weights of one, clear channels, extreme ratios, channels that absorb everything, any order of
+/// strength, equal channels, the camera inside.
 #[test]
 fn channels_that_part_equal_grey_renders_of_each() {
     let cases: [(&str, [f32; 3], [f32; 3], DVec3); 7] = [
@@ -71,7 +73,8 @@ fn channels_that_part_equal_grey_renders_of_each() {
             };
             coverage += alpha(&grey) / 3.0;
             if k == 2 {
-                // Hits and misses: the standard error of each mean is below 1 / (2 sqrt n); seven of the difference's.
+                // Hits and misses: the standard error of each mean is below 1 / (2 sqrt n); seven
+                // of the difference's.
                 let n = (all.image.pixel_count() * 48) as f64;
                 let (a, bound) = (alpha(&all), 7.0 * (0.25 * (1.0 + 1.0 / 3.0) / n).sqrt());
                 assert!((a - coverage).abs() < bound, "{what}: alpha {a}, {coverage}");
@@ -89,7 +92,8 @@ fn channels_that_part_equal_grey_renders_of_each() {
     }
 }
 
-/// Light that paths and shadow rays both meet, with weights per channel, and points at equal angles: the picture of spectral tracking.
+/// Light that paths and shadow rays both meet, with weights per channel, and points at equal
+/// angles: the picture of spectral tracking.
 #[test]
 fn parted_channels_are_weighted_against_shadow_rays() {
     let texels: Vec<[f32; 3]> = (0..64 * 32)
@@ -132,8 +136,8 @@ fn parted_channels_are_weighted_against_shadow_rays() {
     }
 }
 
-/// What parting is for: without weights the noise at equal samples is well below that of weights over channels. A fixed seed; the factor asked for is half of what
-/// was measured.
+/// What parting is for: without weights the noise at equal samples is well below that of weights
+/// over channels. A fixed seed; the factor asked for is half of what was measured.
 #[test]
 fn parting_lowers_the_noise_of_weights_over_channels() {
     let scene = lit(lumpy([10.0, 4.0, 1.0], [0.6, 0.5, 0.4]), EYE);
@@ -145,7 +149,8 @@ fn parting_lowers_the_noise_of_weights_over_channels() {
     assert!(gain > 1.9, "{gain}");
 }
 
-/// Channels decouple over lists and beside surfaces as they do in one grid; where they cannot the plan says so, and renders by what it would have taken.
+/// Channels decouple over lists and beside surfaces as they do in one grid; where they cannot the
+/// plan says so, and renders by what it would have taken.
 #[test]
 fn the_plan_says_where_channels_do_not_decouple() {
     let grid = lumpy([4.0, 1.0, 0.5], [0.9; 3]);

@@ -1,6 +1,7 @@
 //! Surfaces that coincide, bodies that touch, are open or inside out.
 //!
-//! Faces in one place mean faces with a gap of no width: the same picture as with a gap of 1e-5 of the scene's size, whatever the order of nodes.
+//! Faces in one place mean faces with a gap of no width: the same picture as with a gap of 1e-5 of
+//! the scene's size, whatever the order of nodes.
 
 #![allow(clippy::print_stdout, reason = "figures are worth reading beside a verdict")]
 
@@ -120,10 +121,12 @@ fn floor(half: f32, y: f32) -> Triangles {
     quad([-half, y, -half], [0.0, 0.0, 2.0 * half], [2.0 * half, 0.0, 0.0])
 }
 
-/// A glass box stands on a black floor: light is reflected at its top and, again and again, at its bottom, 2 R / (1 + R) of it with R = 0.04. The same for
-/// both orders of nodes, a floor that is turned over, a floor of the box's size, and a gap.
+/// A glass box stands on a black floor: light is reflected at its top and, again and again, at its
+/// bottom, 2 R / (1 + R) of it with R = 0.04. The same for both orders of nodes, a floor that is
+/// turned over, a floor of the box's size, and a gap.
 ///
-/// Null hypothesis: the closed form, but for 1e-4 of oblique light. |z| < 5 on 15 means: false alarm 9e-6; standard error 0.001: half a percent of bias would be seen.
+/// Null hypothesis: the closed form, but for 1e-4 of oblique light. |z| < 5 on 15 means: false
+/// alarm 9e-6; standard error 0.001: half a percent of bias would be seen.
 #[test]
 fn glass_stands_on_a_floor() {
     let exact = 2.0 * 0.04 / 1.04;
@@ -149,7 +152,8 @@ fn glass_stands_on_a_floor() {
     }
 }
 
-/// A pane on a black floor is seen from either side, and a label on a pane, whatever the order and the fronts. Same test as above.
+/// A pane on a black floor is seen from either side, and a label on a pane, whatever the order and
+/// the fronts. Same test as above.
 #[test]
 fn panes_lie_on_opaque_sheets() {
     let mut clear = glass(1.5);
@@ -181,7 +185,8 @@ fn panes_lie_on_opaque_sheets() {
     }
 }
 
-/// Touching boxes of index 1 absorb one after the other, in every sample: apart as nodes, joined in one mesh, and with sizes that single precision rounds.
+/// Touching boxes of index 1 absorb one after the other, in every sample: apart as nodes, joined in
+/// one mesh, and with sizes that single precision rounds.
 #[test]
 fn touching_boxes_absorb_one_after_the_other() {
     let color = [0.5f32, 0.7, 0.9];
@@ -221,8 +226,9 @@ fn touching_boxes_absorb_one_after_the_other() {
     }
 }
 
-/// A liquid that fills a cavity in glass and shares its vertices: both absorb, each over its length, in every sample. As two nodes in both orders, as one mesh of
-/// two materials, and as one with the wall of the cavity as a primitive of its own.
+/// A liquid that fills a cavity in glass and shares its vertices: both absorb, each over its
+/// length, in every sample. As two nodes in both orders, as one mesh of two materials, and as one
+/// with the wall of the cavity as a primitive of its own.
 #[test]
 fn liquids_share_the_cavitys_vertices() {
     let (outer, inner) = (sphere(DVec3::ZERO, 1.0, 12), sphere(DVec3::ZERO, 0.8, 12));
@@ -252,8 +258,9 @@ fn liquids_share_the_cavitys_vertices() {
     }
 }
 
-/// Volume materials on meshes that are open, inside out or turned in part: all paths end, with the value of a thin wall, or of the body that was meant (white
-/// light on a body that absorbs nothing: 1 in every sample), and a warning names mesh and node.
+/// Volume materials on meshes that are open, inside out or turned in part: all paths end, with the
+/// value of a thin wall, or of the body that was meant (white light on a body that absorbs nothing:
+/// 1 in every sample), and a warning names mesh and node.
 #[test]
 fn open_and_turned_meshes_end_with_a_warning() {
     let scattering = |color: [f32; 3]| {
@@ -298,7 +305,8 @@ fn open_and_turned_meshes_end_with_a_warning() {
     assert_eq!(of(&item(cube(0.5))), of(&item(turned(&cube(0.5)))));
 }
 
-/// A closed box and an open pane joined in one mesh of glass: the box bends light, the pane does not; also where they share an edge.
+/// A closed box and an open pane joined in one mesh of glass: the box bends light, the pane does
+/// not; also where they share an edge.
 #[test]
 fn joined_glass_is_a_body_and_a_pane() {
     let mut material = glass(1.5);
@@ -322,9 +330,11 @@ fn joined_glass_is_a_body_and_a_pane() {
     }
 }
 
-/// A lamp under what coincides with it: a pane of absorbing thin glass over half of a lamp that lies in a floor. Shadow rays and paths agree with a gap.
+/// A lamp under what coincides with it: a pane of absorbing thin glass over half of a lamp that
+/// lies in a floor. Shadow rays and paths agree with a gap.
 ///
-/// Null hypothesis: equal means. |z| < 5 on 4 means: false alarm 2e-6; the standard error is below a percent, while light found twice or not at all changes the mean by tens of percents.
+/// Null hypothesis: equal means. |z| < 5 on 4 means: false alarm 2e-6; the standard error is below
+/// a percent, while light found twice or not at all changes the mean by tens of percents.
 #[test]
 fn lamps_are_covered_by_what_coincides() {
     let mut dark = glass(1.5);
@@ -368,9 +378,11 @@ fn lamps_are_covered_by_what_coincides() {
     }
 }
 
-/// A random arrangement of boxes on a lattice, some inside others, spheres in spheres, panes between them and a floor; with gaps of `gap` lattice units.
+/// A random arrangement of boxes on a lattice, some inside others, spheres in spheres, panes
+/// between them and a floor; with gaps of `gap` lattice units.
 struct Arrangement {
-    /// Per item: triangles, material, translation and scale in lattice units without gaps; a sheet's height in gaps, or by how many gaps a body is smaller.
+    /// Per item: triangles, material, translation and scale in lattice units without gaps; a
+    /// sheet's height in gaps, or by how many gaps a body is smaller.
     items: Vec<(Shape, Value)>,
     unit: f32,
     fog: bool,
@@ -473,12 +485,14 @@ impl Arrangement {
     }
 }
 
-/// Two hundred random arrangements, each at a random scale, turn and place: every sample (same seed) is what it is with a gap of 1e-5 of the scene's size, and
-/// with the nodes in another order, but for paths that run into an edge or a gap; a gap of 1e-4 agrees as well.
+/// Two hundred random arrangements, each at a random scale, turn and place: every sample (same
+/// seed) is what it is with a gap of 1e-5 of the scene's size, and with the nodes in another order,
+/// but for paths that run into an edge or a gap; a gap of 1e-4 agrees as well.
 ///
-/// Without fog per ray, no statistics: at most 0.5 % of the samples of all arrangements (2 % at the wider gap) and 5 % of each may differ by more than 1e-3 (1e-2). With fog (a
-/// quarter) by the mean: null hypothesis equal means, |z| < 5 on 3 means, false alarm 2e-6; the standard error is some percent, a wrong order of faces changes
-/// pictures by tens of percents.
+/// Without fog per ray, no statistics: at most 0.5 % of the samples of all arrangements (2 % at the
+/// wider gap) and 5 % of each may differ by more than 1e-3 (1e-2). With fog (a quarter) by the
+/// mean: null hypothesis equal means, |z| < 5 on 3 means, false alarm 2e-6; the standard error is
+/// some percent, a wrong order of faces changes pictures by tens of percents.
 #[test]
 fn random_arrangements_agree_with_a_gap() {
     let mut rng = Pcg32::new(77, 1);

@@ -1,14 +1,19 @@
-//! Coloured floors in media whose extinction differs per channel, under every kind of light and every pair of methods, against quadratures.
+//! Coloured floors in media whose extinction differs per channel, under every kind of light and
+//! every pair of methods, against quadratures.
 //!
-//! Furnaces cannot see a wrong weight that colours share: theirs are grey, or their surfaces white, so that the throughput on both sides of a vertex is the
-//! same up to a factor. Here it is not: a floor that reflects one channel alone under air that absorbs another one shows every decision that is weighed by the
-//! wrong side's throughput.
+//! Furnaces cannot see a wrong weight that colours share: theirs are grey, or their surfaces white,
+//! so that the throughput on both sides of a vertex is the same up to a factor. Here it is not: a
+//! floor that reflects one channel alone under air that absorbs another one shows every decision
+//! that is weighed by the wrong side's throughput.
 //!
-//! Null hypothesis of each row: the mean of every channel is the integral of BSDF, radiance and exact transmittance. |z| < 6.2, two-sided 5.6e-10 a channel: 2e-7
-//! for the 354 channels of the suite, 1.6e-5 for the 28,080 of the whole product. Each row's standard error is below 0.115 % of the mean, by a
-//! number of samples that a render of another seed has chosen: a bias of 1 % is seen with probability .99.
+//! Null hypothesis of each row: the mean of every channel is the integral of BSDF, radiance and
+//! exact transmittance. |z| < 6.2, two-sided 5.6e-10 a channel: 2e-7 for the 354 channels of the
+//! suite, 1.6e-5 for the 28,080 of the whole product. Each row's standard error is below 0.115 % of
+//! the mean, by a number of samples that a render of another seed has chosen: a bias of 1 % is seen
+//! with probability .99.
 //!
-//! The suite runs a covering array: every pair of values of two axes occurs. `PILEUS_SLOW_TESTS=1` runs the whole product.
+//! The suite runs a covering array: every pair of values of two axes occurs. `PILEUS_SLOW_TESTS=1`
+//! runs the whole product.
 
 use glam::{DAffine3, DVec3, Vec3};
 use pileus_film::Film;
@@ -111,7 +116,8 @@ struct Case {
     expected: [f64; 3],
 }
 
-/// The scene of a floor, a list of media and a light, and what its camera sees of light that the floor has scattered once.
+/// The scene of a floor, a list of media and a light, and what its camera sees of light that the
+/// floor has scattered once.
 fn case((_, floor): &(&str, Value), (_, media): (&str, Vec<Medium>), light: usize) -> Case {
     let mut media = media;
     let wide = 40.0f32;
@@ -186,7 +192,8 @@ fn expected(scene: &Scene, light: usize) -> [f64; 3] {
     let radiance = match LIGHTS[light] {
         "sun" => towards(to_sun().as_dvec3(), endless) * intensity,
         "sun's disc" => {
-            // Equal steps of the cosine and around the axis: equal solid angles; the irradiance is what a plane across its axis gets.
+            // Equal steps of the cosine and around the axis: equal solid angles; the irradiance is
+            // what a plane across its axis gets.
             let w = to_sun().as_dvec3();
             let (u, v) = w.any_orthonormal_pair();
             let edge = 0.2f64.cos();
@@ -287,7 +294,8 @@ fn measure(scene: &Scene, settings: &RenderSettings) -> [[f64; 2]; 3] {
 
 type Row = [usize; 5];
 
-/// One row; `None` if it holds, else what was found. The number of samples for the wanted standard error is chosen by a render of another seed.
+/// One row; `None` if it holds, else what was found. The number of samples for the wanted standard
+/// error is chosen by a render of another seed.
 fn check(row: Row, number: u64) -> Option<String> {
     let [floor, medium, light, distance, transmittance] = row;
     let (floors, mut media) = (floors(), media());
@@ -389,7 +397,8 @@ fn sizes() -> Row {
     [floors().len(), media().len(), LIGHTS.len(), distances().len(), transmittances().len()]
 }
 
-/// Rows in which weights count the way: lights that shadow rays and paths both meet, under methods that share a density. These are few among all pairs.
+/// Rows in which weights count the way: lights that shadow rays and paths both meet, under methods
+/// that share a density. These are few among all pairs.
 fn weighted() -> Vec<Row> {
     let axis = |name: &str| LIGHTS.iter().position(|light| *light == name).expect("a light");
     let distance = |s| distances().iter().position(|d| *d == Some(s)).expect("a sampler");

@@ -1,4 +1,5 @@
-//! Every sampler of free flights against closed forms: where flights end, per channel, with and without bounds that hold.
+//! Every sampler of free flights against closed forms: where flights end, per channel, with and
+//! without bounds that hold.
 #![allow(clippy::print_stdout, reason = "figures are worth reading beside a verdict")]
 
 use glam::{DVec3, Vec3};
@@ -42,7 +43,8 @@ fn constant(value: f64, bound: f64) -> ProfileCase {
     }
 }
 
-/// Weighted flights by where they ended: sums and sums of squares per bin (the last one is the escape) and channel.
+/// Weighted flights by where they ended: sums and sums of squares per bin (the last one is the
+/// escape) and channel.
 struct Histogram {
     sum: Vec<[f64; 3]>,
     square: Vec<[f64; 3]>,
@@ -82,7 +84,8 @@ fn histogram<S: Spectrum>(
 }
 
 impl Histogram {
-    /// Largest |z| over bins and channels against the law of the case; bins that may have met too few flights to be normal are left out.
+    /// Largest |z| over bins and channels against the law of the case; bins that may have met too
+    /// few flights to be normal are left out.
     fn worst_z(&self, case: &ProfileCase, relative: &[f64]) -> f64 {
         let n = f64::from(self.samples);
         let mut worst = 0.0f64;
@@ -121,7 +124,8 @@ fn fly_named<C: Channels>(
     })
 }
 
-/// Null hypothesis: flights end where the law says. Some 2000 bins per channel count, |z| < 6: false alarm 4e-6 under the normal law.
+/// Null hypothesis: flights end where the law says. Some 2000 bins per channel count, |z| < 6:
+/// false alarm 4e-6 under the normal law.
 #[test]
 fn flights_end_where_the_law_says() {
     let pairs: Vec<(ProfileCase, DistanceSampler)> = cases()
@@ -143,7 +147,8 @@ fn flights_end_where_the_law_says() {
         .map(|(case, sampler)| {
             let grey = fly_named(case, *sampler, Grey, 1.0, 40_000).worst_z(case, &[1.0]);
             let (relative, beta) = (Vec3::new(1.0, 0.4, 0.0), Vec3::new(0.5, 2.0, 1.0));
-            // Delta tracking's weights have no bound where channels differ: thick cases are too heavy-tailed for a normal mean.
+            // Delta tracking's weights have no bound where channels differ: thick cases are too
+            // heavy-tailed for a normal mean.
             let wild = *sampler == DistanceSampler::Delta && case.optical_depth() > 3.0;
             let histogram = fly_named(case, *sampler, Relative(relative), beta, 40_000);
             let color = if wild {
@@ -162,7 +167,8 @@ fn flights_end_where_the_law_says() {
     assert!(*z < 6.0, "{name}");
 }
 
-/// The mean of throughput times weight over channels never changes: what bounds the weights of spectral, regular and decomposition flights.
+/// The mean of throughput times weight over channels never changes: what bounds the weights of
+/// spectral, regular and decomposition flights.
 #[test]
 fn weights_keep_the_mean_throughput() {
     let case = case("sine");
@@ -206,8 +212,10 @@ fn decomposition_saves_the_minorants_lookups() {
     assert!((decomposition / delta - 2.0 / 3.0).abs() < 0.02, "{decomposition} of {delta}");
 }
 
-/// Where the rate does not bound: the mean of escapes stays, and their second moment grows exponentially, as its closed form says. For constant extinction `s` under rate `m`, `r = s / m > 1`: nulls happen with `(r - 1) / (2 r - 1)` and weight
-/// `-(2 r - 1)`, so that a tentative collision multiplies the second moment by `(r - 1) (2 r - 1)`.
+/// Where the rate does not bound: the mean of escapes stays, and their second moment grows
+/// exponentially, as its closed form says. For constant extinction `s` under rate `m`,
+/// `r = s / m > 1`: nulls happen with `(r - 1) / (2 r - 1)` and weight `-(2 r - 1)`, so that a
+/// tentative collision multiplies the second moment by `(r - 1) (2 r - 1)`.
 #[test]
 fn weighted_tracking_pays_exponentially_for_broken_bounds() {
     let mut last = 0.0;
@@ -232,11 +240,13 @@ fn weighted_tracking_pays_exponentially_for_broken_bounds() {
     }
 }
 
-/// Distances by marching: the error of the transmittance at the end falls with the square of the step for a smooth field.
+/// Distances by marching: the error of the transmittance at the end falls with the square of the
+/// step for a smooth field.
 #[test]
 fn marched_flights_lose_their_bias_at_second_order() {
     let case = case("ramp_up_4");
-    // A flight that is drawn to infinity escapes with the marched transmittance for its probability.
+    // A flight that is drawn to infinity escapes with the marched transmittance for its
+    // probability.
     let marched = |steps: u32| {
         let (mut rng, mut tally) = (Pcg32::new(6, 6), Tally::default());
         let n = 100_000;
@@ -253,7 +263,8 @@ fn marched_flights_lose_their_bias_at_second_order() {
         let order = (pair[0] / pair[1]).log2();
         assert!(pair[1] > 0.0 && (1.8..2.2).contains(&order), "{bias:?}, order {order}");
     }
-    // Collisions of flights that were not drawn to infinity: the law at 64 steps within what its bias allows.
+    // Collisions of flights that were not drawn to infinity: the law at 64 steps within what its
+    // bias allows.
     let h = histogram(case.length, 100_000, |rng, tally| {
         let drawn = exponential(rng);
         ray_marching_flight(case.ray(), Grey, 1.0, 64, drawn, rng, tally)
@@ -261,7 +272,8 @@ fn marched_flights_lose_their_bias_at_second_order() {
     assert!(h.worst_z(&case, &[1.0]) < 5.0);
 }
 
-/// Guessed bounds that learn: the first samples are biased bright, the mean over all converges, nothing is negative.
+/// Guessed bounds that learn: the first samples are biased bright, the mean over all converges,
+/// nothing is negative.
 #[test]
 fn progressive_bounds_become_bounds() {
     let case = case("hidden_peak");
@@ -297,7 +309,8 @@ fn progressive_bounds_become_bounds() {
     assert!(bounds.bounds().iter().any(|b| f64::from(*b) > 30.0));
 }
 
-/// Chi-square of equiangular points against their density, also for lights on the ray and parts without end.
+/// Chi-square of equiangular points against their density, also for lights on the ray and parts
+/// without end.
 #[test]
 fn equiangular_points_have_their_density() {
     for (light, part) in [
@@ -309,7 +322,8 @@ fn equiangular_points_have_their_density() {
         let points = Equiangular::new(DVec3::ZERO, Vec3::X, light, part).unwrap();
         let mut rng = Pcg32::new(1, 2);
         let (n, bins) = (100_000u32, 50usize);
-        // Equal probabilities by construction of the sampler: edges at known quantiles, their mass by quadrature of the density.
+        // Equal probabilities by construction of the sampler: edges at known quantiles, their mass
+        // by quadrature of the density.
         let edges: Vec<f64> = (0..=bins).map(|i| points.sample(i as f32 / bins as f32)).collect();
         for i in 0..bins - 1 {
             let (a, b) = (edges[i], edges[i + 1]);
@@ -358,7 +372,8 @@ fn endless_fields_end() {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 300, ..ProptestConfig::default() })]
 
-    /// No flight has a weight that is not a number, whatever the field, the bound and the throughput.
+    /// No flight has a weight that is not a number, whatever the field, the bound and the
+    /// throughput.
     #[test]
     fn no_weight_is_nan(
         values in prop::collection::vec(prop_oneof![Just(0.0), 1e-6..1.0f64, 1.0..300.0f64], 1..8),

@@ -74,8 +74,9 @@ fn measure_named(case: &ProfileCase, estimator: Estimator, samples: u32) -> Meas
     measure(samples, |rng, tally| estimator.estimate(case.ray(), Grey, 0.0, rng, tally))
 }
 
-/// Where a method's variance is so heavy-tailed that the mean of 200,000 samples tells nothing, by theory: what they return is
-/// still unbiased. The exponents are those of the relative variance under the case's bound.
+/// Where a method's variance is so heavy-tailed that the mean of 200,000 samples tells nothing, by
+/// theory: what they return is still unbiased. The exponents are those of the relative variance
+/// under the case's bound.
 fn is_hopeless(case: &ProfileCase, estimator: Estimator) -> Option<&'static str> {
     let (tau, bound, length) = (case.optical_depth(), case.bound(), case.length);
     // Integral of sigma_t^2 over the bound, by midpoints.
@@ -130,8 +131,8 @@ fn is_hopeless(case: &ProfileCase, estimator: Estimator) -> Option<&'static str>
     }
 }
 
-/// Null hypothesis: the mean is the exact transmittance. |z| < 6.5 on about 250 pairs: false alarm 2e-8 under the normal law. Rounding is
-/// allowed 2e-5 of the value.
+/// Null hypothesis: the mean is the exact transmittance. |z| < 6.5 on about 250 pairs: false alarm
+/// 2e-8 under the normal law. Rounding is allowed 2e-5 of the value.
 #[test]
 fn closed_forms_are_the_means() {
     let pairs: Vec<(ProfileCase, Estimator)> = cases()
@@ -172,7 +173,8 @@ fn closed_forms_are_the_means() {
     assert!(results.len() > 230, "{}", results.len());
 }
 
-/// Variances with a closed form, on cases whose fourth moment is small enough to tell: |z| < 6 against the estimated error of the variance.
+/// Variances with a closed form, on cases whose fourth moment is small enough to tell: |z| < 6
+/// against the estimated error of the variance.
 #[test]
 fn variances_are_those_of_theory() {
     for name in [
@@ -225,8 +227,9 @@ fn variances_are_those_of_theory() {
     }
 }
 
-/// Variances and lookups of the reference file, which independent double-precision programs measured with 20,000 samples, where the
-/// definitions agree and both are light-tailed enough to tell.
+/// Variances and lookups of the reference file, which independent double-precision programs
+/// measured with 20,000 samples, where the definitions agree and both are light-tailed enough to
+/// tell.
 #[test]
 fn reference_variances_are_reproduced() {
     let text = std::fs::read(root().join("tests/data/oracle/estimator_variance.json")).unwrap();
@@ -264,7 +267,8 @@ fn reference_variances_are_reproduced() {
                 "{:<26} {:<20} relative variance {relative:9.2e} ({:9.2e}) lookups {:7.1} ({:7.1}) z {z:.2}",
                 row.case, row.estimator, rel_var, m.lookups, row.lookups.unwrap_or(f64::NAN)
             );
-            // Heavy tails make the estimated error too small now and then: a tenth is allowed beside six errors.
+            // Heavy tails make the estimated error too small now and then: a tenth is allowed
+            // beside six errors.
             Some((z < 6.0 || (relative / rel_var - 1.0).abs() < 0.1, text))
         })
         .collect();
@@ -302,8 +306,8 @@ fn channels_have_their_own_means() {
     }
 }
 
-/// The bias of plain ray marching falls with the square of the distance between samples where the field jumps (the offset's variance does), and every
-/// mean is too bright.
+/// The bias of plain ray marching falls with the square of the distance between samples where the
+/// field jumps (the offset's variance does), and every mean is too bright.
 #[test]
 fn ray_marching_converges_at_second_order() {
     let case = case("step_down");
@@ -315,7 +319,8 @@ fn ray_marching_converges_at_second_order() {
         assert!(m.mean - exact > 10.0 * error, "{teeth} teeth are not too bright");
         m.mean - exact
     };
-    // 16 and 64 teeth leave the step at 0.8 and 0.2 of a distance: the variance of the depth has the same factor f (1 - f).
+    // 16 and 64 teeth leave the step at 0.8 and 0.2 of a distance: the variance of the depth has
+    // the same factor f (1 - f).
     let order = (bias(16) / bias(64)).log2() / 2.0;
     println!("order {order:.2}");
     assert!((1.8..2.2).contains(&order), "order {order}");
@@ -350,7 +355,8 @@ fn known_orderings_hold() {
     assert!(cost("homogeneous_50", Estimator::UnbiasedRayMarching, 20_000).0 < 1e-6);
 }
 
-/// Without cuts the uncontrolled series lose all accuracy in thick media; cut at unit depth they keep the variance of a few stretches.
+/// Without cuts the uncontrolled series lose all accuracy in thick media; cut at unit depth they
+/// keep the variance of a few stretches.
 #[test]
 fn cuts_keep_series_from_failing() {
     let case = case("homogeneous_5");
@@ -370,7 +376,8 @@ fn cuts_keep_series_from_failing() {
     }
 }
 
-/// Combs beat with a periodic field; a ray cut into stretches of unit majorant depth does not beat as a whole.
+/// Combs beat with a periodic field; a ray cut into stretches of unit majorant depth does not beat
+/// as a whole.
 #[test]
 fn cuts_keep_combs_from_beating() {
     let case = case("comb_11");
@@ -390,7 +397,8 @@ fn cuts_keep_combs_from_beating() {
     assert!(cut < 0.01 * whole, "whole {whole}, cut {cut}");
 }
 
-/// Combs on stretches of unit majorant depth are unbiased. Null hypothesis: the mean is exact, |z| < 5.
+/// Combs on stretches of unit majorant depth are unbiased. Null hypothesis: the mean is exact, |z|
+/// < 5.
 #[test]
 fn combs_on_short_stretches_are_unbiased() {
     for name in ["ramp_down_4", "step_down", "atmosphere", "spike_on_floor"] {
@@ -409,7 +417,8 @@ fn combs_on_short_stretches_are_unbiased() {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 300, ..ProptestConfig::default() })]
 
-    /// No estimator returns NaN for any finite input, also where the bound does not hold and where estimates overflow.
+    /// No estimator returns NaN for any finite input, also where the bound does not hold and where
+    /// estimates overflow.
     #[test]
     fn no_estimate_is_nan(
         values in prop::collection::vec(prop_oneof![Just(0.0), 1e-6..1.0f64, 1.0..300.0f64], 1..8),

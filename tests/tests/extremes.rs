@@ -1,4 +1,5 @@
-//! What lies at the ends of single precision: very dense media, very thin ones beside them, grey that must stay grey, clouds far from their grid's corner.
+//! What lies at the ends of single precision: very dense media, very thin ones beside them, grey
+//! that must stay grey, clouds far from their grid's corner.
 
 use glam::{DAffine3, DVec3, Vec3};
 use pileus_integrator::{Parameter, Plan, RenderSettings};
@@ -32,8 +33,9 @@ fn mean(result: &Rendered, name: &str) -> f64 {
     plane.iter().map(|v| f64::from(*v)).sum::<f64>() / plane.len() as f64
 }
 
-/// Red, green and blue of grey media in grey light are the same bits, under every law and by every method. Under the linear law collisions from particle to particle counted for one
-/// channel alone: colour noise, and 2.5 times the error.
+/// Red, green and blue of grey media in grey light are the same bits, under every law and by every
+/// method. Under the linear law collisions from particle to particle counted for one channel alone:
+/// colour noise, and 2.5 times the error.
 #[test]
 fn grey_media_stay_grey() {
     let component = |weight, rate, law| Component { weight, rate, law };
@@ -81,8 +83,9 @@ fn grey_media_stay_grey() {
     assert!(compared > 100, "{compared}");
 }
 
-/// Media of any density come to an end under the methods that the plan chooses, whatever kernel they need; so do those that a transform makes dense. Before, tentative collisions were
-/// looked up one by one: 10^15 of them in one voxel.
+/// Media of any density come to an end under the methods that the plan chooses, whatever kernel
+/// they need; so do those that a transform makes dense. Before, tentative collisions were looked up
+/// one by one: 10^15 of them in one voxel.
 #[test]
 fn dense_media_end() {
     let grid = |density: f32, relative: [f32; 3], albedo: f32| {
@@ -131,8 +134,9 @@ fn dense_media_end() {
     assert!(mean(&rendered(&scene, &settings(2, 3)), "R") > 0.0);
 }
 
-/// Seen from outside a very dense medium is a surface: its picture does not depend on the density any more. H0: means at 10^6 and beyond are the same; |z| < 5.5, false alarm 4e-8 each.
-/// A difference of 7 % is seen.
+/// Seen from outside a very dense medium is a surface: its picture does not depend on the density
+/// any more. H0: means at 10^6 and beyond are the same; |z| < 5.5, false alarm 4e-8 each. A
+/// difference of 7 % is seen.
 #[test]
 fn dense_media_look_alike() {
     let picture = |density: f32| {
@@ -154,7 +158,8 @@ fn dense_media_look_alike() {
     }
 }
 
-/// Methods asked for by name that would look up 10^15 collisions one by one are refused, with volume, setting and a way out.
+/// Methods asked for by name that would look up 10^15 collisions one by one are refused, with
+/// volume, setting and a way out.
 #[test]
 fn methods_that_would_not_end_are_refused() {
     let medium = || lumpy_grid(1.0, [1e15; 3], [0.5; 3], Phase::Isotropic);
@@ -176,7 +181,8 @@ fn methods_that_would_not_end_are_refused() {
     assert_eq!(plan.transmittance, Estimator::Regular);
 }
 
-/// A voxel of 10^5 in fog of 10^-9, seen along rays three voxels beside it, whose optical depth is 1.6e-8: alpha of 512 samples is zero, but for a chance of 8e-6. It was .06.
+/// A voxel of 10^5 in fog of 10^-9, seen along rays three voxels beside it, whose optical depth is
+/// 1.6e-8: alpha of 512 samples is zero, but for a chance of 8e-6. It was .06.
 #[test]
 fn fog_beside_a_dense_voxel_is_as_thin_as_it_is() {
     let mut values = vec![1e-9f32; 16 * 16 * 16];
@@ -192,15 +198,17 @@ fn fog_beside_a_dense_voxel_is_as_thin_as_it_is() {
     scene.lights.clear();
     let result = rendered(&scene, &settings(32, 1));
     assert!(result.image.channel("A").unwrap().iter().all(|a| *a == 0.0));
-    // By tentative collisions as well, of which there are 10^5 on every ray: they were real 2^-24 of the time.
+    // By tentative collisions as well, of which there are 10^5 on every ray: they were real 2^-24
+    // of the time.
     let distance = Some(DistanceSampler::Delta);
     let result = rendered(&scene, &RenderSettings { distance, ..settings(4, 1) });
     assert!(result.counters.lookups > 5_000_000, "{:?}", result.counters);
     assert!(result.image.channel("A").unwrap().iter().all(|a| *a == 0.0));
 }
 
-/// A cloud with one voxel of its grid far away looks as it does alone: every mean the same within errors of 2 %. At 16777216 voxels it was 11 % brighter, at
-/// 10^8 45275 where .2568 is right. H0: means are equal; |z| < 5.5, false alarm 4e-8 each.
+/// A cloud with one voxel of its grid far away looks as it does alone: every mean the same within
+/// errors of 2 %. At 16777216 voxels it was 11 % brighter, at 10^8 45275 where .2568 is right. H0:
+/// means are equal; |z| < 5.5, false alarm 4e-8 each.
 #[test]
 fn clouds_far_from_their_corner_look_the_same() {
     let cloud: Vec<f32> = (0..12u32.pow(3))

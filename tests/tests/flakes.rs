@@ -28,7 +28,8 @@ fn swirl(p: DVec3) -> Vec3 {
     DVec3::new(0.3 - p.y, p.x + 0.2, 0.5 + 0.4 * p.z).normalize().as_vec3()
 }
 
-/// Fibres that swirl, on 9^3 points over a cube of edge 3, as seen from the index space of [`cube_grid`] with half size 1.
+/// Fibres that swirl, on 9^3 points over a cube of edge 3, as seen from the index space of
+/// [`cube_grid`] with half size 1.
 fn swirling_fibres(roughness: f32) -> FlakeShape {
     let axes: Vec<[f32; 3]> = (0..9 * 9 * 9)
         .map(|i| {
@@ -52,7 +53,8 @@ fn lit(medium: Medium) -> Scene {
     scene
 }
 
-/// Pictures by the phase function of another renderer (`sggx` of Mitsuba 3.9.1), made by `tests/data/peers/sggx.py`: block z-test with both variances.
+/// Pictures by the phase function of another renderer (`sggx` of Mitsuba 3.9.1), made by
+/// `tests/data/peers/sggx.py`: block z-test with both variances.
 fn agrees_with_mitsuba(name: &str, medium: Medium, seed: u64) {
     let ours = rendered(&lit(medium), &settings(256, seed));
     let read = |suffix: &str| {
@@ -79,7 +81,8 @@ fn fibres_by_grid_agree_with_mitsuba() {
     agrees_with_mitsuba("sggx_grid", cube_grid(1.0, [3.0; 3], [0.9, 0.7, 0.5], phase), 2);
 }
 
-/// Mirrors that look everywhere alike are the isotropic medium; so are their homogeneous and gridded forms, and flakes by a grid without axes.
+/// Mirrors that look everywhere alike are the isotropic medium; so are their homogeneous and
+/// gridded forms, and flakes by a grid without axes.
 #[test]
 fn isotropic_flakes_are_the_isotropic_medium() {
     let (sigma_t, albedo) = ([2.0, 1.0, 0.5], [0.9, 0.8, 0.6]);
@@ -95,7 +98,8 @@ fn isotropic_flakes_are_the_isotropic_medium() {
     assert_same("flakes without axes", &plain, &by_grid);
 }
 
-/// Furnaces, grey and per channel, of mirrors and of matt flakes, thin fibres and sheets, constant and by grid: what does not absorb does not show.
+/// Furnaces, grey and per channel, of mirrors and of matt flakes, thin fibres and sheets, constant
+/// and by grid: what does not absorb does not show.
 #[test]
 fn furnaces_of_flakes() {
     let fibre = Sggx::fibre(Vec3::new(0.6, 0.0, 0.8), 0.05);
@@ -142,7 +146,8 @@ fn furnaces_of_flakes() {
     }
 }
 
-/// A grid of one axis is the constant medium; a homogeneous medium is its grid; several flake media overlap; equiangular points and exact shadow rays see the same.
+/// A grid of one axis is the constant medium; a homogeneous medium is its grid; several flake media
+/// overlap; equiangular points and exact shadow rays see the same.
 #[test]
 fn all_ways_to_say_the_same_flakes() {
     let s = Sggx::fibre(Vec3::new(0.0, 0.6, 0.8), 0.1);
@@ -184,8 +189,9 @@ fn all_ways_to_say_the_same_flakes() {
     assert!(plan.reasons.iter().any(|reason| reason.contains("walked by tentative collisions")));
 }
 
-/// The highlight of a fibre: single scattering of a sun by upright mirrors lies on the cone around the axis whose slope is the sun's. Seen along it the medium is
-/// bright, off it dark, whatever the sun's azimuth; matt and isotropic media show nothing of the kind.
+/// The highlight of a fibre: single scattering of a sun by upright mirrors lies on the cone around
+/// the axis whose slope is the sun's. Seen along it the medium is bright, off it dark, whatever the
+/// sun's azimuth; matt and isotropic media show nothing of the kind.
 #[test]
 fn fibres_shine_on_a_cone() {
     let thin = |phase, to_sun: Vec3, eye: Vec3| {
@@ -201,7 +207,8 @@ fn fibres_shine_on_a_cone() {
         let (e, a) = (elevation.to_radians(), azimuth.to_radians());
         Vec3::new(e.cos() * a.sin(), e.sin(), e.cos() * a.cos())
     };
-    // A mirror whose normal is across the axis turns the sun's elevation over: eye and sun see it from opposite slopes.
+    // A mirror whose normal is across the axis turns the sun's elevation over: eye and sun see it
+    // from opposite slopes.
     let fibre = || constant(Sggx::fibre(Vec3::Y, 0.02), FlakeScattering::Specular);
     for azimuth in [40.0, 110.0, 200.0] {
         let to_sun = at(30.0, azimuth);

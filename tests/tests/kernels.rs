@@ -1,4 +1,5 @@
-//! Every compiled path kernel: which scene runs it, the same bits on any number of threads and in any split, and white furnaces.
+//! Every compiled path kernel: which scene runs it, the same bits on any number of threads and in
+//! any split, and white furnaces.
 
 use glam::{DVec3, Vec3};
 use pileus_film::Film;
@@ -147,8 +148,9 @@ fn threads_and_splits_change_no_bit_of_any_kernel() {
     }
 }
 
-/// Light of radiance one from all around, nothing absorbs: whatever scatters it, every pixel is one. Null hypothesis as in [`assert_one`]; false alarm below 1e-7 for all
-/// kernels, and a bias of one percent of a block would be seen with probability .99.
+/// Light of radiance one from all around, nothing absorbs: whatever scatters it, every pixel is
+/// one. Null hypothesis as in [`assert_one`]; false alarm below 1e-7 for all kernels, and a bias of
+/// one percent of a block would be seen with probability .99.
 #[test]
 fn white_furnaces_stay_white_in_every_kernel() {
     for (seed, case) in (0u64..).zip(cases(1.0)) {
@@ -158,7 +160,8 @@ fn white_furnaces_stay_white_in_every_kernel() {
     }
 }
 
-/// A closed room whose black walls shine with radiance one, which shadow rays and paths both meet: their weights add up to one in every kernel.
+/// A closed room whose black walls shine with radiance one, which shadow rays and paths both meet:
+/// their weights add up to one in every kernel.
 #[test]
 fn a_shining_room_is_a_furnace_for_shadow_rays_and_paths() {
     // Turned inside out, so that it shines inwards.

@@ -1,4 +1,5 @@
-//! Media that are not exponential: rays against the law, pictures against closed forms, quadrature and the exponential kernel.
+//! Media that are not exponential: rays against the law, pictures against closed forms, quadrature
+//! and the exponential kernel.
 #![allow(clippy::print_stdout, reason = "figures are worth reading beside a verdict")]
 
 use glam::{DVec3, Vec3};
@@ -69,7 +70,8 @@ fn profile(profile: Profile, majorant: f64, minorant: f64) -> ProfileCase {
     }
 }
 
-/// Where a flight by `fly` ends, against the law: eight parts of equal probability before the end, and the escape. The chi-square statistic and its degrees of freedom.
+/// Where a flight by `fly` ends, against the law: eight parts of equal probability before the end,
+/// and the escape. The chi-square statistic and its degrees of freedom.
 fn histogram<F: ExactField>(
     passage: Passage<'_>,
     field: impl Fn() -> F,
@@ -124,7 +126,8 @@ fn check_ray<F: ExactField>(what: &str, law: &Law, field: impl Fn() -> F, worst:
         let depth = field().optical_depth(&mut tally);
         let exact = passage.survival(depth);
         assert_eq!(exact_under_law(&field(), passage, Grey, &mut tally), exact as f32);
-        // Null hypothesis: flights follow the law. Chi-square on at most 8 degrees of freedom below 58: false alarm 1e-9 each, some 1e-7 in all.
+        // Null hypothesis: flights follow the law. Chi-square on at most 8 degrees of freedom below
+        // 58: false alarm 1e-9 each, some 1e-7 in all.
         let by_depth = histogram(passage, &field, |field| {
             let drawn = exponential(&mut rng);
             let mut own = Pcg32::new(1, 1);
@@ -143,7 +146,8 @@ fn check_ray<F: ExactField>(what: &str, law: &Law, field: impl Fn() -> F, worst:
                 worst[0] = worst[0].max(by_rate.0);
             }
         }
-        // Null hypothesis: the mean is the law's survival. |z| < 6.5, some hundred means: false alarm 1e-8 under the normal law.
+        // Null hypothesis: the mean is the law's survival. |z| < 6.5, some hundred means: false
+        // alarm 1e-8 under the normal law.
         let mut check = |name: &str, n: u32, estimate: &mut dyn FnMut(&mut Pcg32) -> f32| {
             let (mut sum, mut squares) = (0.0, 0.0);
             for _ in 0..n {
@@ -197,8 +201,9 @@ fn rays_follow_the_law() {
     println!("largest chi2 {:.1}, |z| {:.2}", worst[0], worst[1]);
 }
 
-/// The probability that a flight from a place ends in a stretch is the mean over the stretch of extinction times transmittance back, from a particle to that place, over the mean free path. Null
-/// hypothesis: both are equal. |z| < 6: false alarm 2e-9 each.
+/// The probability that a flight from a place ends in a stretch is the mean over the stretch of
+/// extinction times transmittance back, from a particle to that place, over the mean free path.
+/// Null hypothesis: both are equal. |z| < 6: false alarm 2e-9 each.
 #[test]
 fn surface_and_scatterer_are_reciprocal() {
     let plume = asset_medium("syn_plume.vdb", [30.0; 3], [1.0; 3], Phase::Isotropic);
@@ -256,7 +261,8 @@ fn surface_and_scatterer_are_reciprocal() {
     }
 }
 
-/// Channels share one flight: per channel, what collides and what escapes follows the law of its own depth. |z| < 6 on 6 means a law: false alarm 1e-7.
+/// Channels share one flight: per channel, what collides and what escapes follows the law of its
+/// own depth. |z| < 6 on 6 means a law: false alarm 1e-7.
 #[test]
 fn channels_follow_their_own_depths() {
     let ramp = profile(Profile::Linear { a: 0.2, b: 3.0 }, 3.2, 0.2);
@@ -316,7 +322,8 @@ fn by_name(
     RenderSettings { distance, transmittance, ..base }
 }
 
-/// Two half skies add up to a furnace: flights between collisions, shadow rays from collisions and their weights must conserve energy together. Null hypothesis: mean one;
+/// Two half skies add up to a furnace: flights between collisions, shadow rays from collisions and
+/// their weights must conserve energy together. Null hypothesis: mean one;
 /// |z| < 5.8, false alarm 7e-9 each.
 #[test]
 fn white_furnace_under_every_law() {
@@ -391,7 +398,8 @@ fn the_exponential_law_is_the_plain_kernel() {
     }
 }
 
-/// Pure absorption: the background times the law of the depth, for a slab of the linear law, for overlapping media of several laws and of none, and per channel.
+/// Pure absorption: the background times the law of the depth, for a slab of the linear law, for
+/// overlapping media of several laws and of none, and per channel.
 #[test]
 fn absorption_is_the_law() {
     for law in laws() {
@@ -425,7 +433,8 @@ fn absorption_is_the_law() {
     });
 }
 
-/// Single scattering of a sun in a cube: `p_u` to the collision, `X_c` from there to the sun, by quadrature along each pixel's ray.
+/// Single scattering of a sun in a cube: `p_u` to the collision, `X_c` from there to the sun, by
+/// quadrature along each pixel's ray.
 #[test]
 fn single_scattering_is_quadrature() {
     let to_sun = Vec3::new(0.5, 0.8, -0.3).normalize();
@@ -460,7 +469,8 @@ fn single_scattering_is_quadrature() {
                 assert_expected(&what, &result, expected);
                 continue;
             }
-            // Where all of a ray is lit, or none, such a law leaves no noise, and the quadrature's own error shows: the whole picture within 6 standard errors and a thousandth.
+            // Where all of a ray is lit, or none, such a law leaves no noise, and the quadrature's
+            // own error shows: the whole picture within 6 standard errors and a thousandth.
             let (mut truth, mut mean, mut variance) = (0.0, 0.0, 0.0);
             for (x, y) in (0..64).flat_map(|y| (0..64).map(move |x| (x, y))) {
                 truth += expected(x, y)[0];
@@ -475,7 +485,8 @@ fn single_scattering_is_quadrature() {
     }
 }
 
-/// A glowing cube: light from each point passes with `X_u` to the camera; points are counted up to where flights end, or picked and estimated.
+/// A glowing cube: light from each point passes with `X_u` to the camera; points are counted up to
+/// where flights end, or picked and estimated.
 #[test]
 fn fire_shines_through_the_law() {
     for (law, extinction) in
@@ -503,8 +514,8 @@ fn fire_shines_through_the_law() {
     }
 }
 
-/// In a medium that many scatterings cross, the power law lets more light through than the exponential one and the Erlang law less, in a ray and in a picture: the laws are not
-/// mixed up.
+/// In a medium that many scatterings cross, the power law lets more light through than the
+/// exponential one and the Erlang law less, in a ray and in a picture: the laws are not mixed up.
 #[test]
 fn laws_order_the_light_that_gets_through() {
     let depth = 3.0;
@@ -582,7 +593,8 @@ fn the_plan_says_what_it_does_and_refuses_what_assumes_the_exponential() {
     }
 }
 
-/// The depth of the ray that a picture's pixel sees, for the record that assets go through the same code: an asset under a law absorbs as the law says.
+/// The depth of the ray that a picture's pixel sees, for the record that assets go through the same
+/// code: an asset under a law absorbs as the law says.
 #[test]
 fn an_asset_absorbs_by_its_law() {
     let law = power(2.0);
@@ -601,7 +613,9 @@ fn an_asset_absorbs_by_its_law() {
     });
 }
 
-/// A white medium in a closed box of lamps that give off what they absorb: radiance is one everywhere. Shadow rays from surfaces and from particles, flights from both and their weights must agree.
+/// A white medium in a closed box of lamps that give off what they absorb: radiance is one
+/// everywhere. Shadow rays from surfaces and from particles, flights from both and their weights
+/// must agree.
 #[test]
 fn a_box_of_lamps_is_in_equilibrium() {
     let mut walls = cube(1.5);
@@ -621,7 +635,8 @@ fn a_box_of_lamps_is_in_equilibrium() {
     }
 }
 
-/// A white floor below a cube of smoke, the sun above: light reaches the floor by `X_u`, and the camera sees the floor past the smoke.
+/// A white floor below a cube of smoke, the sun above: light reaches the floor by `X_u`, and the
+/// camera sees the floor past the smoke.
 #[test]
 fn a_floor_is_shaded_by_the_law() {
     let to_sun = Vec3::new(0.3, 1.0, 0.2).normalize();

@@ -14,7 +14,8 @@ fn vec3(value: &Value) -> DVec3 {
     DVec3::new(number(0), number(1), number(2))
 }
 
-/// Builds a peer's scene from its job without the program, so that a fault of the job's parser cannot hide here.
+/// Builds a peer's scene from its job without the program, so that a fault of the job's parser
+/// cannot hide here.
 fn load(name: &str) -> (Scene, RenderSettings) {
     let path = root().join(format!("scenes/peers/{name}.json"));
     let job: Value = serde_json::from_slice(&std::fs::read(path).expect("a job")).expect("JSON");
@@ -56,8 +57,9 @@ fn load(name: &str) -> (Scene, RenderSettings) {
 /// Relative error of a mean by rounding.
 const ROUNDING: f64 = 1e-5;
 
-/// Null hypothesis: our image and the peer's have the same expectation in every block of 16 x 16 pixels and channel, their variances
-/// known. Both images are sums in single precision: where there is no noise at all they may differ by a relative [`ROUNDING`].
+/// Null hypothesis: our image and the peer's have the same expectation in every block of 16 x 16
+/// pixels and channel, their variances known. Both images are sums in single precision: where there
+/// is no noise at all they may differ by a relative [`ROUNDING`].
 fn check(name: &str, spp: u64) {
     let (scene, settings) = load(name);
     let slow = std::env::var_os("PILEUS_SLOW_TESTS").is_some();
@@ -112,7 +114,8 @@ fn plume() {
     check("plume", 64);
 }
 
-/// Where the plume ends, single paths in a block meet it: how much they vary is not known from fewer.
+/// Where the plume ends, single paths in a block meet it: how much they vary is not known from
+/// fewer.
 #[test]
 fn plume_chromatic() {
     check("plume_chromatic", 256);

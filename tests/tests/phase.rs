@@ -48,7 +48,8 @@ fn two_lobes() -> Phase {
 fn by_grid(sigma_t: f32) -> Medium {
     let tree = Tree::from_dense(0.0f32, [0; 3], [16; 3], &[1.0; 16 * 16 * 16]);
     let half = DAffine3::from_scale(DVec3::splat(0.5));
-    // Index i of a dense tree is x fastest or slowest; the same number along the diagonal either way.
+    // Index i of a dense tree is x fastest or slowest; the same number along the diagonal either
+    // way.
     let values: Vec<f32> = (0..512).map(|i| (i / 64) as f32).collect();
     let cosine = Tree::from_dense(0.0f32, [0; 3], [8; 3], &values);
     let cosine = CosineGrid::new(&cosine, 0.2, -0.8, half).unwrap();
@@ -80,8 +81,9 @@ fn white_furnace_is_exact_in_constant_light() {
     }
 }
 
-/// A half sky and its complement, lit by shadow rays and by paths under multiple importance sampling. Null hypothesis: the mean of the pictures' sum is one; |z| below
-/// 5.8 in five cases, false alarm 3e-8.
+/// A half sky and its complement, lit by shadow rays and by paths under multiple importance
+/// sampling. Null hypothesis: the mean of the pictures' sum is one; |z| below 5.8 in five cases,
+/// false alarm 3e-8.
 #[test]
 fn white_furnace_of_two_half_skies() {
     let mut media: Vec<(&str, Medium)> = laws()

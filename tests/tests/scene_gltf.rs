@@ -124,13 +124,15 @@ fn fire_loads_with_its_flames() {
     assert!(scene.environment.is_black() && scene.fires().count() == 1);
     assert!(!scene.not_modelled.iter().any(|item| item.contains("emission")));
     let Bounds3 { low, high } = scene.volumes[0].medium.bounds_world().unwrap();
-    // Voxels of 0.0375 in a box of 53 x 53 x 96, Z up, moved by (-1, 0, 1): z runs from 1 down to -1.
+    // Voxels of 0.0375 in a box of 53 x 53 x 96, Z up, moved by (-1, 0, 1): z runs from 1 down to
+    // -1.
     assert!(low.x > -1.0 && high.x < 1.0 && low.z > -1.0 && high.z < 1.0, "{low} {high}");
     assert!(low.y > -0.05 && high.y < 2.0);
     // The camera sees it.
     let film = scene.camera.project((low + high) * 0.5).unwrap();
     assert!(film.iter().all(|c| (100.0..540.0).contains(c)), "{film:?}");
-    // Flames are Cycles' emission coefficients: 20 x (1, 0.35, 0.08) x flame per metre, where the volume lies in the world.
+    // Flames are Cycles' emission coefficients: 20 x (1, 0.35, 0.08) x flame per metre, where the
+    // volume lies in the world.
     let emission = scene.volumes[0].emission.as_ref().unwrap();
     let file = VdbFile::open(root().join("scenes/assets/fire_0003.vdb")).unwrap();
     let flame = file.read(file.find("flame").unwrap()).unwrap().to_float().unwrap();

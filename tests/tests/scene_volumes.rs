@@ -112,7 +112,8 @@ fn volumes_of_one_grid_share_it() {
     assert!(loader.seconds_build > 0.0);
 }
 
-/// Two hundred nodes that name one file: voxels are stored once, each cloud stands where its node does, and all of them render.
+/// Two hundred nodes that name one file: voxels are stored once, each cloud stands where its node
+/// does, and all of them render.
 #[test]
 fn a_field_of_instanced_clouds_holds_one_grid() {
     let path = root().join("scenes/cloud_field.gltf");
@@ -153,7 +154,8 @@ fn a_field_of_instanced_clouds_holds_one_grid() {
         let first = media[0].sigma_t_at(placed[0].transform_point3(p));
         assert!(first > 0.01, "{first}");
         for (medium, to_world) in media.iter().zip(&placed) {
-            // Extinction is per scene unit, whatever the node's scale; positions are rounded to single precision in voxels.
+            // Extinction is per scene unit, whatever the node's scale; positions are rounded to
+            // single precision in voxels.
             let found = medium.sigma_t_at(to_world.transform_point3(p));
             assert!((found / first - 1.0).abs() < 1e-3, "{found} {first}");
         }
@@ -252,12 +254,14 @@ fn emission_is_what_the_job_says() {
             lit += usize::from(expected.max_element() > 0.0);
         }
         assert!(lit > 1000, "{kind}: {lit}");
-        // The file's voxel size is 0.0375 in single precision: points lie beside voxels by 1e-6 of one.
+        // The file's voxel size is 0.0375 in single precision: points lie beside voxels by 1e-6 of
+        // one.
         assert!(worst <= 2e-5 * largest, "{kind}: {worst} of {largest}");
     }
 }
 
-/// The grids of light and of density come from one cache, and a volume may be clear and still shine.
+/// The grids of light and of density come from one cache, and a volume may be clear and still
+/// shine.
 #[test]
 fn emission_shares_grids_and_needs_no_density() {
     let flames = r#"{"type": "grid", "grid": "density"}"#;

@@ -4,8 +4,10 @@ use pileus_lab::experiment::{Verdict, stability};
 use pileus_tests::root;
 use std::collections::BTreeMap;
 
-/// `docs/charts/stability.csv` is what `pileus chart stability` writes. Where a change moves a verdict on purpose, write the table anew:
-/// `cargo run --release -p pileus -- chart stability -o docs/charts`, and say in the change log why.
+/// `docs/charts/stability.csv` is what `pileus chart stability` writes. Where a change moves a
+/// verdict on purpose, write the table anew:
+/// `cargo run --release -p pileus -- chart stability -o docs/charts`, and say in the change log
+/// why.
 #[test]
 fn verdicts_are_those_of_the_table() {
     let text = std::fs::read_to_string(root().join("docs/charts/stability.csv")).unwrap();
@@ -49,7 +51,8 @@ fn verdicts_are_those_of_the_table() {
         })
         .collect();
     assert!(changed.is_empty(), "{changed:#?}");
-    // What must hold whatever the table says: exact methods never fail, and no estimate of any method is not a number where bounds hold.
+    // What must hold whatever the table says: exact methods never fail, and no estimate of any
+    // method is not a number where bounds hold.
     for cell in &measured.cells {
         let exact = cell.method.ends_with(" regular") || cell.method.ends_with(" analytic");
         assert!(

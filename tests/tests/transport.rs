@@ -22,8 +22,8 @@ fn hg(g: f32) -> Phase {
     Phase::henyey_greenstein(g)
 }
 
-/// Albedo one inside uniform light: radiance one everywhere, whatever the density and g. Constant light is met by escaping paths
-/// alone, so that every single sample is one.
+/// Albedo one inside uniform light: radiance one everywhere, whatever the density and g. Constant
+/// light is met by escaping paths alone, so that every single sample is one.
 #[test]
 fn white_furnace_is_exact_in_constant_light() {
     for g in [-0.9, 0.0, 0.9] {
@@ -48,8 +48,8 @@ fn white_furnace_is_exact_in_constant_light() {
     }
 }
 
-/// An image that is one on half of the sphere and its complement: their sum is a furnace in which every technique and every weight
-/// has a part. Chromatic extinction must not matter either.
+/// An image that is one on half of the sphere and its complement: their sum is a furnace in which
+/// every technique and every weight has a part. Chromatic extinction must not matter either.
 #[test]
 fn white_furnace_of_two_half_skies_with_all_techniques() {
     for (k, g) in [-0.9, 0.0, 0.9].into_iter().enumerate() {
@@ -91,7 +91,8 @@ fn white_furnace_of_two_half_skies_with_all_techniques() {
     }
 }
 
-/// Pure absorption: background times `exp(-tau)`, for a cube in closed form and for an asset by its exact optical depth.
+/// Pure absorption: background times `exp(-tau)`, for a cube in closed form and for an asset by its
+/// exact optical depth.
 #[test]
 fn absorption_is_beer_lambert() {
     // Grey, and with channels that part.
@@ -113,8 +114,9 @@ fn absorption_is_beer_lambert() {
     let middle = 0.5 * (low + high);
     let mut plume = scene(vec![medium], middle + DVec3::new(2.0, 1.0, 3.0), middle, 14.0);
     plume.environment.constant = Vec3::ONE;
-    // At the plume's rim few paths are absorbed: so many samples that the variance, which rests on those, is known in every block. With weights over channels: where
-    // channels part, the thinnest loses no path at all in some block, and its variance is not known.
+    // At the plume's rim few paths are absorbed: so many samples that the variance, which rests on
+    // those, is known in every block. With weights over channels: where channels part, the thinnest
+    // loses no path at all in some block, and its variance is not known.
     let distance = Some(DistanceSampler::Spectral);
     let result = rendered(&plume, &RenderSettings { distance, ..point_filter(4096, 4) });
     let medium = &plume.volumes[0].medium;
@@ -123,7 +125,8 @@ fn absorption_is_beer_lambert() {
         let tau = pileus_media::optical_depth(medium, o, d, 0.0, 100.0, &mut Default::default());
         [1.0, 1.0 / 3.0, 1.0 / 12.0].map(|relative| (-tau * relative).exp())
     });
-    // Alpha is one minus the transmittance of the strongest channel's walk; here it is per path, so compare with the mean colour.
+    // Alpha is one minus the transmittance of the strongest channel's walk; here it is per path, so
+    // compare with the mean colour.
     let alpha = result.image.channel("A").unwrap().iter().sum::<f32>();
     let red = result.image.channel("R").unwrap().iter().sum::<f32>();
     let blue = result.image.channel("B").unwrap().iter().sum::<f32>();
@@ -151,7 +154,8 @@ fn constant_grid_equals_homogeneous() {
     }
 }
 
-/// Single scattering of a sun, a point and a spot light in a cube: midpoint quadrature along the camera ray.
+/// Single scattering of a sun, a point and a spot light in a cube: midpoint quadrature along the
+/// camera ray.
 #[test]
 fn single_scattering_is_the_integral() {
     const SIGMA_T: f64 = 1.7;
@@ -173,7 +177,8 @@ fn single_scattering_is_the_integral() {
     for light in lights {
         let g = 0.5f64;
         let medium = cube_grid(1.0, [SIGMA_T as f32; 3], [ALBEDO as f32; 3], hg(g as f32));
-        // The cube fills the picture: a block that hardly any sample scatters in has no variance to test with.
+        // The cube fills the picture: a block that hardly any sample scatters in has no variance to
+        // test with.
         let mut scene = scene(vec![medium], EYE, DVec3::ZERO, 20.0);
         scene.lights.push(light.clone());
         let settings = RenderSettings { max_bounces: Some(1), ..point_filter(512, 5) };
@@ -212,8 +217,9 @@ fn single_scattering_is_the_integral() {
     }
 }
 
-/// An analog walk through a homogeneous cube, written independently in double precision: fly, die with probability 1 - albedo, scatter,
-/// collect the environment. Roulette and shadow rays play no part in it.
+/// An analog walk through a homogeneous cube, written independently in double precision: fly, die
+/// with probability 1 - albedo, scatter, collect the environment. Roulette and shadow rays play no
+/// part in it.
 fn analog_radiance(
     o: DVec3,
     d: DVec3,
@@ -242,11 +248,13 @@ fn analog_radiance(
     }
 }
 
-/// Multiple scattering with roulette and weighted shadow rays against the analog walk, over the whole image.
+/// Multiple scattering with roulette and weighted shadow rays against the analog walk, over the
+/// whole image.
 #[test]
 fn multiple_scattering_equals_an_analog_walk() {
     let (sigma_t, albedo) = (4.0, 0.6);
-    // Bright in one quarter of the sky, dim elsewhere; constant per texel row and column pair, read at texel precision.
+    // Bright in one quarter of the sky, dim elsewhere; constant per texel row and column pair, read
+    // at texel precision.
     let texels: Vec<[f32; 3]> =
         (0..64 * 32).map(|i| if i % 64 < 16 { [4.0; 3] } else { [0.5; 3] }).collect();
     let image = Arc::new(EnvironmentImage::new(64, 32, texels, 1.0, 0.0).unwrap());
@@ -281,7 +289,8 @@ fn multiple_scattering_equals_an_analog_walk() {
     assert!((ours_variance + theirs_variance).sqrt() / theirs < 2.5e-3, "the test is too weak");
 }
 
-/// Weighted shadow rays and paths find the same light as paths alone: image and sun's disc, one medium and several, grey and per channel.
+/// Weighted shadow rays and paths find the same light as paths alone: image and sun's disc, one
+/// medium and several, grey and per channel.
 #[test]
 fn shadow_rays_and_paths_agree_with_paths_alone() {
     let image = |rotation: f32| {
@@ -390,7 +399,8 @@ fn channels_equal_grey_renders_each() {
     }
 }
 
-/// The camera inside a medium, and a medium that fills all space: radiance of a fog lit by uniform light.
+/// The camera inside a medium, and a medium that fills all space: radiance of a fog lit by uniform
+/// light.
 #[test]
 fn camera_inside_and_endless_fog() {
     // In endless conservative fog nothing comes from infinity; in a box of it the furnace holds.
@@ -415,7 +425,8 @@ fn camera_inside_and_endless_fog() {
         let (o, d) = pixel_ray(&endless, x, y);
         let n = 20_000;
         let mut sum = 0.0;
-        // Substitution around the point nearest to the light, where the integrand peaks: t = foot + D tan(theta).
+        // Substitution around the point nearest to the light, where the integrand peaks: t = foot +
+        // D tan(theta).
         let foot = (at - o).dot(d);
         let distance = (at - (o + d * foot)).length();
         let (a, b) = ((-foot / distance).atan(), std::f64::consts::FRAC_PI_2);
@@ -432,8 +443,9 @@ fn camera_inside_and_endless_fog() {
     });
 }
 
-/// Every unbiased estimator of transmittance gives the picture that ratio tracking gives: one grid and a list of media, grey and per
-/// channel (one of them clear), delta light and a disc that paths meet as well.
+/// Every unbiased estimator of transmittance gives the picture that ratio tracking gives: one grid
+/// and a list of media, grey and per channel (one of them clear), delta light and a disc that paths
+/// meet as well.
 #[test]
 fn every_estimator_gives_the_same_picture() {
     for (name, sigma_t) in [("grey", [3.0f32; 3]), ("channels", [4.0, 1.5, 0.0])] {
@@ -457,8 +469,9 @@ fn every_estimator_gives_the_same_picture() {
     }
 }
 
-/// Every sampler of flights gives delta tracking's picture, also with weights against shadow rays, with channels, in a list of media, with
-/// majorants that are looser than need be or do not hold, and beside regular tracking's shadow rays, whose density is known.
+/// Every sampler of flights gives delta tracking's picture, also with weights against shadow rays,
+/// with channels, in a list of media, with majorants that are looser than need be or do not hold,
+/// and beside regular tracking's shadow rays, whose density is known.
 #[test]
 fn every_sampler_gives_the_same_picture() {
     let at = DVec3::new(-0.2, 1.3, 0.4);
@@ -515,8 +528,8 @@ fn every_sampler_gives_the_same_picture() {
     }
 }
 
-/// A small light in thin smoke: equiangular points lower the noise by a large factor at equal samples. And what a scene does not have, or what
-/// cannot be done, is said.
+/// A small light in thin smoke: equiangular points lower the noise by a large factor at equal
+/// samples. And what a scene does not have, or what cannot be done, is said.
 #[test]
 fn equiangular_points_serve_lights_in_thin_media() {
     let medium = lumpy_grid(1.0, [0.05; 3], [0.9; 3], hg(0.0));
@@ -560,7 +573,8 @@ fn equiangular_points_serve_lights_in_thin_media() {
     }
 }
 
-/// Fog that fills all space and is clear in one channel: walks end, and the clear channel sees the environment unchanged.
+/// Fog that fills all space and is clear in one channel: walks end, and the clear channel sees the
+/// environment unchanged.
 #[test]
 fn endless_fog_that_is_clear_in_one_channel() {
     let fog = pileus_media::Medium::homogeneous([1.0, 0.3, 0.0], None, [0.5; 3], hg(0.0)).unwrap();
@@ -571,7 +585,8 @@ fn endless_fog_that_is_clear_in_one_channel() {
     assert_expected("endless fog", &image, |_, _| [0.0, 0.0, 0.7]);
 }
 
-/// `clamp` bounds every sample's luminance, keeps its colour, is counted and named as a bias, and leaves all darker samples as they are.
+/// `clamp` bounds every sample's luminance, keeps its colour, is counted and named as a bias, and
+/// leaves all darker samples as they are.
 #[test]
 fn clamped_samples_are_bounded_and_confessed() {
     let medium = lumpy_grid(1.0, [3.0; 3], [1.0, 0.9, 0.7], hg(0.9));
@@ -602,8 +617,9 @@ fn clamped_samples_are_bounded_and_confessed() {
     assert!(Plan::new(&scene, &limited).unwrap().biased[0].contains("clamp"));
 }
 
-/// Shadow rays by what a pilot expects: the picture of importance alone, grey, per channel and of several media, under a sun, a disc and a bright sky; the same
-/// bits on any number of threads. Few scatterings make it the plan's choice.
+/// Shadow rays by what a pilot expects: the picture of importance alone, grey, per channel and of
+/// several media, under a sun, a disc and a bright sky; the same bits on any number of threads. Few
+/// scatterings make it the plan's choice.
 #[test]
 fn expected_shadows_change_no_mean() {
     let expected = |seed| RenderSettings {

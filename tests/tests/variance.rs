@@ -32,11 +32,14 @@ fn middle(scene: &Scene, size: u32) -> Crop {
     Crop { x0: (width - size) / 2, y0: (height - size) / 2, width: size, height: size }
 }
 
-/// Mean reported variance over the variance of the means over seeds, of radiance and of alpha, for each count of samples.
+/// Mean reported variance over the variance of the means over seeds, of radiance and of alpha, for
+/// each count of samples.
 ///
-/// Null hypothesis: the ratio is one. Its standard error is estimated from the pixels, which are independent of each other, and must be below `power`. At 0.02 a
-/// ratio of one leaves [.9, 1.15] with probability 6e-7, a ratio of .82 or 1.24 stays in with as little; sums of squares of single samples give 1.2 to 6 here.
-/// Radiances are weighted by one over the square of their pixel's mean and a tenth of the image's, so that no bright pixel decides.
+/// Null hypothesis: the ratio is one. Its standard error is estimated from the pixels, which are
+/// independent of each other, and must be below `power`. At 0.02 a ratio of one leaves [.9, 1.15]
+/// with probability 6e-7, a ratio of .82 or 1.24 stays in with as little; sums of squares of single
+/// samples give 1.2 to 6 here. Radiances are weighted by one over the square of their pixel's mean
+/// and a tenth of the image's, so that no bright pixel decides.
 fn check(what: &str, scene: &Scene, base: &RenderSettings, size: u32, counts: &[u64], power: f64) {
     let crop = middle(scene, size);
     for &count in counts {
@@ -135,7 +138,8 @@ fn of_an_environments_image() {
     check("image", &image, &settings(0, 0), 12, &[16, 64], 0.02);
 }
 
-/// All assets under the program's own light and the peers' jobs, with `PILEUS_SLOW_TESTS` (some minutes). Small pictures of all there is.
+/// All assets under the program's own light and the peers' jobs, with `PILEUS_SLOW_TESTS` (some
+/// minutes). Small pictures of all there is.
 #[test]
 fn of_every_asset() {
     if std::env::var_os("PILEUS_SLOW_TESTS").is_none() {
@@ -177,7 +181,8 @@ fn mean(scene: &Scene, settings: &RenderSettings, size: u32) -> [f64; 4] {
     })
 }
 
-/// Jobs that look into a sun of 100 klx and brighter: irradiance over the disc's solid angle, which fills the picture.
+/// Jobs that look into a sun of 100 klx and brighter: irradiance over the disc's solid angle, which
+/// fills the picture.
 #[test]
 fn a_suns_disc_has_its_radiance() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -200,7 +205,8 @@ fn a_suns_disc_has_its_radiance() {
     }
 }
 
-/// A texel of any size lights a floor, a medium and the camera in proportion: the same numbers are drawn.
+/// A texel of any size lights a floor, a medium and the camera in proportion: the same numbers are
+/// drawn.
 #[test]
 fn a_texel_of_any_size_counts() {
     let of = |value: f32| {

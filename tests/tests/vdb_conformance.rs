@@ -1,4 +1,5 @@
-//! Reads every file of `data/conformance` and compares it with what OpenVDB itself read back after writing it (`NAME.json`).
+//! Reads every file of `data/conformance` and compares it with what OpenVDB itself read back after
+//! writing it (`NAME.json`).
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -211,7 +212,8 @@ fn every_grid_of_every_file() {
 
         let expected = items(&json["grids"]);
         assert_eq!(file.grids().len(), expected.len(), "{place}");
-        // The order of the expectations is the library's, not the file's; equal names are told apart by their boxes.
+        // The order of the expectations is the library's, not the file's; equal names are told
+        // apart by their boxes.
         let mut left: BTreeMap<String, Vec<&Json>> = BTreeMap::new();
         for grid in expected {
             left.entry(grid["name"].as_str().expect("a name").into()).or_default().push(grid);
@@ -309,7 +311,8 @@ fn every_codec_gives_the_same_grid() {
     assert!(error.contains("Snappy") && error.contains("byte"), "{error}");
 }
 
-/// Written by Houdini with OpenVDB 1.1 in format version 222: figures of the table in `scenes/assets/README.md`.
+/// Written by Houdini with OpenVDB 1.1 in format version 222: figures of the table in
+/// `scenes/assets/README.md`.
 #[test]
 fn an_old_file_of_version_222() {
     let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes/assets");

@@ -1,4 +1,5 @@
-//! Weights that flights carry: alpha is one minus the transmittance under every method, and weights of either sign are kept.
+//! Weights that flights carry: alpha is one minus the transmittance under every method, and weights
+//! of either sign are kept.
 #![allow(clippy::print_stdout, reason = "figures are worth reading beside a verdict")]
 
 use glam::{DVec3, Vec3};
@@ -38,8 +39,9 @@ fn measure(scene: &Scene, settings: &RenderSettings, channel: &str) -> [f64; 2] 
     [sum(image.channel(channel).unwrap()) / n, error]
 }
 
-/// Null hypothesis: alpha has the mean one minus the mean transmittance of the channels. |z| < 6.2 on 60 means: false alarm 4e-8. The standard error is below
-/// 0.0015: a bias of 0.013 is seen with probability .99 (events in place of weights were off by 0.16 and more).
+/// Null hypothesis: alpha has the mean one minus the mean transmittance of the channels. |z| < 6.2
+/// on 60 means: false alarm 4e-8. The standard error is below 0.0015: a bias of 0.013 is seen with
+/// probability .99 (events in place of weights were off by 0.16 and more).
 #[test]
 fn alpha_is_one_minus_the_transmittance_under_every_method() {
     let phase = Phase::Isotropic;
@@ -84,10 +86,12 @@ fn alpha_is_one_minus_the_transmittance_under_every_method() {
     assert!(rows >= 45, "{rows}");
 }
 
-/// Under majorants that do not hold, weighted flights have weights of either sign: a white furnace stays white.
+/// Under majorants that do not hold, weighted flights have weights of either sign: a white furnace
+/// stays white.
 ///
-/// Null hypothesis: the mean is one. |z| < 6.2 on 12 means: false alarm 7e-9. The standard error is below 0.009: the 0.07 to 0.14 that were too much while paths
-/// of negative weight ended are seen with probability above .99.
+/// Null hypothesis: the mean is one. |z| < 6.2 on 12 means: false alarm 7e-9. The standard error is
+/// below 0.009: the 0.07 to 0.14 that were too much while paths of negative weight ended are seen
+/// with probability above .99.
 #[test]
 fn furnaces_stay_white_where_bounds_do_not_hold() {
     for (number, (sigma_t, majorant_scale)) in

@@ -39,7 +39,8 @@ pub fn write_atomically<T>(
 /// nobody can write. An existing target is untouched.
 ///
 /// # Errors
-/// As [`write_atomically`].
+/// [`Error::Io`] with whatever the file system answered, or where `path` is a folder or a device,
+/// which no file replaces; [`Error::Invalid`] if `path` does not end in a file name.
 pub fn check_writable(path: &Path, bytes: u64) -> Result<(), Error> {
     static ZEROS: [u8; 1 << 16] = [0; 1 << 16];
     let mut temporary = begin(path)?;
@@ -76,8 +77,8 @@ pub fn remove_abandoned(folder: &Path) -> usize {
     removed
 }
 
-/// Whether a file bears a name that [`Temporary`] gives: the prefix, letters and digits, the suffix.
-/// Releases before 2027 put a process and a serial number in between.
+/// Whether a file bears a name that [`Temporary`] gives: the prefix, letters and digits, the
+/// suffix. Releases before 2027 put a process and a serial number in between.
 fn is_temporary(name: &OsStr) -> bool {
     let name = name.to_str();
     let middle = name.and_then(|n| n.strip_prefix(PREFIX)).and_then(|n| n.strip_suffix(SUFFIX));

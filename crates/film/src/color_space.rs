@@ -4,7 +4,7 @@ use std::fmt;
 
 /// The custom attribute of OpenEXR that names a colour space (Color Interop Forum, 2024).
 pub(crate) const COLOR_INTEROP_ID: &str = "colorInteropID";
-/// Its value for linear Rec. 709, which all images of this program are in.
+/// Value of `colorInteropID` for linear Rec. 709, which all images of this program are in.
 pub(crate) const LIN_REC_709: &str = "lin_rec709_scene";
 
 /// CIE 1931 chromaticities (x, y) of three primaries and of white.
@@ -240,7 +240,8 @@ impl ColorSpace {
 
     /// Converts pixels to linear Rec. 709, white adapted to D65 by Bradford's transform.
     ///
-    /// Colours outside the gamut of Rec. 709 get negative values. Linear Rec. 709 stays bit for bit.
+    /// Colours outside the gamut of Rec. 709 get negative values. Linear Rec. 709 stays bit for
+    /// bit.
     pub fn convert_to_rec_709(&self, pixels: &mut [[f32; 3]]) {
         if self.transfer != Transfer::Linear {
             for value in pixels.iter_mut().flatten() {

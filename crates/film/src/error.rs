@@ -9,7 +9,8 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// The file system refused; the cause tells whether permissions, space or the path are at fault.
+    /// The file system refused; the cause tells whether permissions, space or the path are at
+    /// fault.
     #[error("{place}: cannot {action}; check that the folder exists, is writable and has space")]
     Io {
         /// File or stream.
@@ -89,7 +90,7 @@ impl Error {
         Self::TooLarge { place: place.into(), problem: problem.into(), remedy }
     }
 
-    /// The same error with `path` as its place: for errors of a stream whose file the caller knows.
+    /// This error with `path` as its place: for errors of a stream whose file the caller knows.
     #[must_use]
     pub fn in_file(mut self, path: &Path) -> Self {
         let (Self::Io { place, .. }

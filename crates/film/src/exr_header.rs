@@ -63,7 +63,7 @@ pub struct ExrPart {
 /// A channel of a part.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ExrChannel {
-    /// Its name, for instance `R` or `layer.R`.
+    /// Name of the channel, for instance `R` or `layer.R`.
     pub name: String,
     /// Bytes of a sample: 2 for half floats, 4 for floats and whole numbers.
     pub sample_bytes: u8,

@@ -77,8 +77,9 @@ pub fn read_exr(path: &Path) -> Result<Image, Error> {
 /// space that its part names. Memory and panics are bounded as in [`read_exr`].
 ///
 /// # Errors
-/// As [`read_exr`], of the part that has the colour; [`Error::Unsupported`] with a list of the
-/// channels there are if none are known to be colour.
+/// No such file; not EXR, broken or too large; a part of colour that is deep, has subsampled
+/// channels or a compression newer than DWAB; [`Error::Unsupported`] with a list of the channels
+/// there are if none are known to be colour.
 pub fn read_exr_color(path: &Path) -> Result<(ExrHeader, usize, Vec<[f32; 3]>), Error> {
     let (header, reader) = exr_header::open(path)?;
     let refuse = |problem: &str, remedy| {

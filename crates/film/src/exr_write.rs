@@ -57,10 +57,10 @@ const MAX_TEXT: usize = 1 << 24;
 
 /// Writes all channels to one part of an EXR file, beside the target and renamed.
 ///
-/// Data and display window are those of the image, chromaticities those of Rec. 709 with white
-/// D65, `colorInteropID` is `lin_rec709_scene`. 32-bit values, NaN and infinity included, are stored bit for bit; 16-bit values are rounded
-/// to nearest and clamped to 65504 in magnitude, since an infinite pixel spoils every filter that
-/// touches it later. Equal input gives equal bytes.
+/// Data and display window are those of the image, chromaticities those of Rec. 709 with white D65,
+/// `colorInteropID` is `lin_rec709_scene`. 32-bit values, NaN and infinity included, are stored bit
+/// for bit; 16-bit values are rounded to nearest and clamped to 65504 in magnitude, since an
+/// infinite pixel spoils every filter that touches it later. Equal input gives equal bytes.
 ///
 /// # Errors
 /// No channels, metadata that cannot be stored, or what [`write_atomically`] answers.

@@ -41,7 +41,8 @@ impl Film {
     /// the first layers alone.
     ///
     /// # Errors
-    /// Zero sizes, a crop window outside the image, more than [`MAX_PIXELS`](crate::MAX_PIXELS), or no memory.
+    /// Zero sizes, a crop window outside the image, more than [`MAX_PIXELS`](crate::MAX_PIXELS), or
+    /// no memory.
     pub fn new(resolution: [u32; 2], crop: Option<Crop>) -> Result<Self, Error> {
         Self::with_layers(resolution, crop, &[])
     }
@@ -51,8 +52,9 @@ impl Film {
     /// What it takes tells [`FilmMemory::of`](crate::FilmMemory::of) beforehand.
     ///
     /// # Errors
-    /// Those of [`Self::new`]; layers whose names cannot be stored or are taken, or that have more
-    /// than 1024 channels in all.
+    /// Zero sizes, a crop window outside the image, more than [`MAX_PIXELS`](crate::MAX_PIXELS), or
+    /// no memory; layers whose names cannot be stored or are taken, or that have more than 1024
+    /// channels in all.
     pub fn with_layers(
         resolution: [u32; 2],
         crop: Option<Crop>,
@@ -115,12 +117,13 @@ impl Film {
         self.crop
     }
 
-    /// Its layers: the first ones, then those that were asked for.
+    /// Layers of the film: the first ones, then those that were asked for.
     pub fn layers(&self) -> &[&'static Layer] {
         self.layers.layers()
     }
 
-    /// Bytes that its sums have been given: [`FilmMemory::sums`](crate::FilmMemory::sums), measured.
+    /// Bytes that its sums have been given: [`FilmMemory::sums`](crate::FilmMemory::sums),
+    /// measured.
     pub fn allocated_bytes(&self) -> u64 {
         let pixels = self.pixels.capacity() * size_of::<PixelMoments>();
         (pixels + self.sums.capacity() * size_of::<ChannelSum>()) as u64
@@ -153,9 +156,9 @@ impl Film {
         samples_per_pass(self.pixel_count() as u64, &self.layers)
     }
 
-    /// Adds the samples of tiles, on the current rayon pool; those of pixels outside the crop window
-    /// and those that are one too many for their pixel (2^29 - 1 in a replicate; 2^31 - 1 in all
-    /// where a layer has sums of its own) count as dropped.
+    /// Adds the samples of tiles, on the current rayon pool; those of pixels outside the crop
+    /// window and those that are one too many for their pixel (2^29 - 1 in a replicate; 2^31 - 1 in
+    /// all where a layer has sums of its own) count as dropped.
     ///
     /// # Errors
     /// Tiles of a film with other layers; nothing is then added.
@@ -190,7 +193,8 @@ impl Film {
         Ok(())
     }
 
-    /// Notes that every pixel of the crop window got `samples` more samples (dropped ones included).
+    /// Notes that every pixel of the crop window got `samples` more samples (dropped ones
+    /// included).
     pub fn commit_pass(&mut self, samples: u64) {
         self.samples = self.samples.saturating_add(samples);
     }

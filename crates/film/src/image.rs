@@ -175,7 +175,8 @@ impl Image {
     /// Adds the channels of `other` as `layer.name`, for instance `variance.R`.
     ///
     /// # Errors
-    /// As [`Self::add_channel`].
+    /// A name that is taken, longer than 255 bytes or has a NUL in it; an image of another number
+    /// of pixels; too many channels or values.
     pub fn add_layer(&mut self, layer: &str, other: &Self) -> Result<(), Error> {
         for channel in &other.channels {
             self.add_channel(&format!("{layer}.{}", channel.name), channel.samples.clone())?;
@@ -215,8 +216,8 @@ impl Image {
         }
     }
 
-    /// The planes of the image's colour, by the names of its channels ([`color_channels`]); one plane
-    /// three times for a grey image, None if no channels are known to be its colour.
+    /// The planes of the image's colour, by the names of its channels ([`color_channels`]); one
+    /// plane three times for a grey image, None if no channels are known to be its colour.
     pub fn rgb_planes(&self) -> Option<[&[f32]; 3]> {
         let found = color_channels(self.channels.iter().map(|c| c.name.as_str()))?;
         Some(found.rgb.map(|index| self.channels[index].samples.as_slice()))

@@ -40,7 +40,8 @@ pub fn preview_rgb8(image: &Image, tone: &ToneMap) -> Result<Vec<u8>, Error> {
 /// Writes an 8-bit sRGB preview, beside the target and renamed.
 ///
 /// # Errors
-/// As [`preview_rgb8`] and [`write_atomically`].
+/// [`Error::Invalid`] if no channels are known to be the image's colour, or `path` does not end in
+/// a file name; [`Error::Io`] if the file cannot be written.
 pub fn write_png(path: &Path, image: &Image, tone: &ToneMap) -> Result<(), Error> {
     let bytes = preview_rgb8(image, tone).map_err(|e| e.in_file(path))?;
     write_atomically(path, |writer| encode(writer, &bytes, image.width(), image.height()))

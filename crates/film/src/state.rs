@@ -42,8 +42,8 @@ const STREAM: &str = "film state";
 impl Film {
     /// Writes the exact sums, preceded by the caller's `header` (what job this is part of).
     ///
-    /// 548 bytes a pixel, and 16 for each channel of a layer with sums of its own; the writer should
-    /// be buffered.
+    /// 548 bytes a pixel, and 16 for each channel of a layer with sums of its own; the writer
+    /// should be buffered.
     ///
     /// # Errors
     /// A header above [`MAX_STATE_HEADER`], or what the writer answers.
@@ -178,7 +178,8 @@ impl Film {
     /// Writes the exact sums and the caller's `header` to a file, beside it and renamed.
     ///
     /// # Errors
-    /// As [`Self::write_state`] and [`write_atomically`], naming the file.
+    /// A header above [`MAX_STATE_HEADER`], a file that cannot be written, or a path that is a
+    /// folder or a device or ends in no file name. The file is named.
     pub fn save_state(&self, path: &Path, header: &[u8]) -> Result<(), Error> {
         check_header_length(header.len()).map_err(|e| e.in_file(path))?;
         write_atomically(path, |writer| self.put_state(writer, header))
@@ -187,7 +188,8 @@ impl Film {
     /// Reads a film and its header from a file that [`Self::save_state`] wrote.
     ///
     /// # Errors
-    /// As [`Self::read_state`], naming the file.
+    /// A file that cannot be read, or that holds none of what [`Self::read_state`] takes. The file
+    /// is named.
     pub fn load_state(path: &Path, known: &[&'static Layer]) -> Result<(Self, Vec<u8>), Error> {
         let file = File::open(path).map_err(|e| Error::open(path, e))?;
         let reader = BufReader::with_capacity(1 << 18, file);

@@ -29,7 +29,7 @@ pub struct ToneMap {
 
 /// Power of the look after the sigmoid; 1 is the neutral, flat AgX base and 1.35 its "punchy" look.
 const LOOK_POWER: f32 = 1.2;
-/// Saturation of the look; 1 and 1.4 likewise.
+/// Saturation of the look; 1 is the neutral, flat AgX base and 1.4 its "punchy" look.
 const LOOK_SATURATION: f32 = 1.2;
 
 const INSET: [[f32; 3]; 3] = [

@@ -1,4 +1,5 @@
-//! Whole paths per second on three assets under sun and sky, and on a field of two hundred clouds made of one grid. Run with `cargo bench -p pileus-integrator`.
+//! Whole paths per second on three assets under sun and sky, and on a field of two hundred clouds
+//! made of one grid. Run with `cargo bench -p pileus-integrator`.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use glam::{DAffine3, DVec3, Vec3};
@@ -71,7 +72,8 @@ fn benches(c: &mut Criterion) {
             });
         });
     }
-    // The same cloud alone, as the first of two media (the second far off), and amid two hundred: what a list and its index cost.
+    // The same cloud alone, as the first of two media (the second far off), and amid two hundred:
+    // what a list and its index cost.
     for (name, count) in [("one_cloud", 1), ("two_clouds", 2), ("two_hundred_clouds", 200)] {
         let scene = field(count);
         let settings = RenderSettings { samples: 0..4, ..RenderSettings::default() };
@@ -90,7 +92,8 @@ fn benches(c: &mut Criterion) {
     group.finish();
 }
 
-/// Instances of one cloud on a lattice three clouds wide, around the first, which fills the picture.
+/// Instances of one cloud on a lattice three clouds wide, around the first, which fills the
+/// picture.
 fn field(count: usize) -> Scene {
     let mut scene = scene("cumulus_small.vdb", 0.4, [0.999; 3], 0.8);
     let medium = Arc::clone(&scene.volumes[0].medium);

@@ -4,8 +4,9 @@ use crate::counters::Counters;
 use serde::Serialize;
 use std::fmt;
 
-/// Lookups and majorant steps of flights and shadow rays together, per path and per real collision. Flights cross a unit of optical depth per real collision in
-/// the mean, so that the latter are also per unit of optical depth.
+/// Lookups and majorant steps of flights and shadow rays together, per path and per real collision.
+/// Flights cross a unit of optical depth per real collision in the mean, so that the latter are
+/// also per unit of optical depth.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct PathCost {
     /// Lookups per path.

@@ -90,7 +90,8 @@ impl<'a> Parts<'a> {
         }
     }
 
-    /// Runs a job with the kernel that every scene can run: a merged list, split where the plan says so, beside surfaces.
+    /// Runs a job with the kernel that every scene can run: a merged list, split where the plan
+    /// says so, beside surfaces.
     pub(crate) fn with_general_kernel<J: Job>(&self, job: &mut J) -> J::Output {
         if self.plan.kernel.channels == Channels::Split {
             return job.run(&self.kernel(

@@ -13,7 +13,8 @@ use pileus_film::{Film, PixelSample};
 use pileus_scene::Scene;
 use std::ops::Range;
 
-/// All that a render needs beside a film: the scene, what is planned for it, and what was made for that.
+/// All that a render needs beside a film: the scene, what is planned for it, and what was made for
+/// that.
 #[derive(Debug)]
 pub struct Renderer<'a> {
     scene: &'a Scene,
@@ -25,10 +26,12 @@ pub struct Renderer<'a> {
 }
 
 impl<'a> Renderer<'a> {
-    /// Plans a render of `scene`, makes what it needs, and traces the prepass: some seconds of work at most, whatever the scene.
+    /// Plans a render of `scene`, makes what it needs, and traces the prepass: some seconds of work
+    /// at most, whatever the scene.
     ///
     /// # Errors
-    /// If the settings ask for what the scene does not allow, or if paths would not end by construction.
+    /// If the settings ask for what the scene does not allow, or if paths would not end by
+    /// construction.
     pub fn new(scene: &'a Scene, settings: &RenderSettings) -> Result<Renderer<'a>, Error> {
         let lights = Lights::new(scene, settings.light_sampling);
         let plan = Plan::with_lights(scene, settings, &lights)?;
@@ -55,12 +58,14 @@ impl<'a> Renderer<'a> {
         &self.settings
     }
 
-    /// Renders the settings' samples of every pixel of the film's window into it, on the current rayon pool.
+    /// Renders the settings' samples of every pixel of the film's window into it, on the current
+    /// rayon pool.
     ///
-    /// The value of a sample depends on scene, settings, pixel and sample number alone, and the film's sums are exact: threads, tile
-    /// size, the length of passes and any split of the samples change nothing, bit for bit. When the
-    /// monitor cancels, paths end where they are and count nowhere; the film, and the counters
-    /// returned, hold all whole passes done so far: the first `film.samples()` of the range.
+    /// The value of a sample depends on scene, settings, pixel and sample number alone, and the
+    /// film's sums are exact: threads, tile size, the length of passes and any split of the samples
+    /// change nothing, bit for bit. When the monitor cancels, paths end where they are and count
+    /// nowhere; the film, and the counters returned, hold all whole passes done so far: the first
+    /// `film.samples()` of the range.
     ///
     /// # Errors
     /// If film and camera differ in resolution, or if there is no memory for the samples of a pass.

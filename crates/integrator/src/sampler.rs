@@ -1,13 +1,16 @@
-//! Random numbers of one path: Owen-scrambled Sobol points for its first decisions, a counter-seeded generator for the rest.
+//! Random numbers of one path: Owen-scrambled Sobol points for its first decisions, a
+//! counter-seeded generator for the rest.
 //!
-//! Sample number `s` of a pixel belongs to replicate `s` modulo [`REPLICATES`]; each replicate has a sequence of its own, scrambled
-//! independently of the others. So the spread of the replicates' means tells the variance of stratified samples.
+//! Sample number `s` of a pixel belongs to replicate `s` modulo [`REPLICATES`]; each replicate has
+//! a sequence of its own, scrambled independently of the others. So the spread of the replicates'
+//! means tells the variance of stratified samples.
 
 use pileus_film::REPLICATES;
 use rand_core::{Infallible, Rng, TryRng};
 use rand_pcg::Pcg32;
 
-/// Samples of a replicate after which its Sobol sequence starts anew with another scrambling (the length of `sobol_burley`'s points), as a power of two.
+/// Samples of a replicate after which its Sobol sequence starts anew with another scrambling (the
+/// length of `sobol_burley`'s points), as a power of two.
 const SEQUENCE_BITS: u32 = 16;
 
 /// The random numbers of one sample of one pixel: a function of (seed, pixel, sample) alone.
@@ -42,7 +45,8 @@ impl PathSampler {
         }
     }
 
-    /// Four numbers in [0, 1), stratified over the samples of the replicate; `set` below 64 selects independent dimensions.
+    /// Four numbers in [0, 1), stratified over the samples of the replicate; `set` below 64 selects
+    /// independent dimensions.
     #[inline]
     pub fn stratified(&self, set: u32) -> [f32; 4] {
         sobol_burley::sample_4d(self.index, set, self.sobol_seed)
@@ -97,8 +101,10 @@ mod tests {
         }
     }
 
-    /// Null hypothesis: the first numbers of replicates are independent and uniform. The correlation of two over 4096 pixels has a standard deviation of
-    /// 1/64; the largest of 28 pairs times four dimensions is beyond six of them with probability 2e-7. Replicates that share a scrambling have 1.
+    /// Null hypothesis: the first numbers of replicates are independent and uniform. The
+    /// correlation of two over 4096 pixels has a standard deviation of 1/64; the largest of 28
+    /// pairs times four dimensions is beyond six of them with probability 2e-7. Replicates that
+    /// share a scrambling have 1.
     #[test]
     fn replicates_are_independent() {
         let first = |pixel: u32, replicate: u64| {

@@ -23,7 +23,7 @@ pub struct CompareSettings<'v> {
     pub flip: bool,
     /// Variance of each mean in the first image; None takes its layer `variance`, if any.
     pub variance_a: Option<&'v Image>,
-    /// The same for the second image.
+    /// Variance of each mean in the second image; None takes its layer `variance`, if any.
     pub variance_b: Option<&'v Image>,
 }
 
@@ -53,11 +53,12 @@ pub struct Comparison {
     pub rel_mse: f64,
     /// What the noise of `a` adds to `mse` in the mean: the average of its variances, if known.
     pub mse_noise_a: Option<f64>,
-    /// The same for `b`.
+    /// What the noise of `b` adds to `mse` in the mean: the average of its variances, if known.
     pub mse_noise_b: Option<f64>,
     /// What the noise of `a` adds to `rel_mse` in the mean (to first order), if known.
     pub rel_mse_noise_a: Option<f64>,
-    /// The same for `b`; `rel_mse - rel_mse_noise_b` is the error against a noise-free reference.
+    /// What the noise of `b` adds to `rel_mse` in the mean (to first order), if known;
+    /// `rel_mse - rel_mse_noise_b` is the error against a noise-free reference.
     pub rel_mse_noise_b: Option<f64>,
     /// Mean of `a` per channel.
     pub mean_a: [f64; 3],
@@ -93,10 +94,11 @@ pub enum ErrorSource {
     Blocks,
 }
 
-/// [`compare_with`] with default settings.
+/// Measures the difference of a render `a` from a reference `b` with default settings, see
+/// [`compare_with`].
 ///
 /// # Errors
-/// As [`compare_with`].
+/// Different sizes, no colour channels, no pixel that is finite in both.
 pub fn compare(a: &Image, b: &Image) -> Result<Comparison, Error> {
     compare_with(a, b, &CompareSettings::default())
 }

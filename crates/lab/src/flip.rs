@@ -54,7 +54,8 @@ pub fn flip(a: &Image, b: &Image, exposure_stops: f32) -> Result<Flip, Error> {
     Ok(Flip { mean, map: image, tone })
 }
 
-/// The error of each pixel in `[0, 1]` of two sRGB images of equal size, 3 bytes a pixel. Symmetric.
+/// The error of each pixel in `[0, 1]` of two sRGB images of equal size, 3 bytes a pixel.
+/// Symmetric.
 pub fn flip_rgb8(a: &[u8], b: &[u8], width: usize) -> Vec<f32> {
     let [a, b] = [a, b].map(|bytes| Seen::new(bytes, width));
     let largest = hyab(hunt_lab([0.0, 1.0, 0.0]), hunt_lab([0.0, 0.0, 1.0])).powf(COLOR_EXPONENT);
@@ -77,7 +78,7 @@ const FEATURE_EXPONENT: f64 = 0.5;
 /// Share of the largest colour difference up to which differences are spread over
 /// [`LOWER_RANGE`] of the scale.
 const LOWER_SHARE: f64 = 0.4;
-/// See [`LOWER_SHARE`].
+/// Part of the scale that colour differences up to [`LOWER_SHARE`] of the largest are spread over.
 const LOWER_RANGE: f64 = 0.95;
 /// Width of the filters of features, degrees.
 const FEATURE_WIDTH: f64 = 0.082;

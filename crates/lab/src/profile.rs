@@ -9,7 +9,7 @@ use std::f64::consts::{FRAC_1_SQRT_2, PI, TAU};
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
 pub enum Profile {
-    /// The same everywhere.
+    /// One extinction everywhere.
     Constant {
         /// Extinction.
         value: f64,
@@ -41,11 +41,11 @@ pub enum Profile {
     },
     /// `peak exp(-(t - centre)^2 / (2 sigma^2))`.
     Gaussian {
-        /// Its middle.
+        /// Distance of the middle.
         centre: f64,
-        /// Its width.
+        /// Standard deviation, as a distance.
         sigma: f64,
-        /// Its height.
+        /// Extinction at the middle.
         peak: f64,
     },
     /// `mean + amplitude sin(2 pi cycles t)`.
@@ -132,9 +132,9 @@ impl Profile {
 /// A profile on a segment, with its exact bounds and the bound to use.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 pub struct ProfileCase {
-    /// Its name.
+    /// Name of the case.
     pub name: String,
-    /// Its law.
+    /// Extinction over the segment.
     pub profile: Profile,
     /// Length of the segment.
     pub length: f64,
@@ -162,7 +162,7 @@ impl ProfileCase {
         self.profile.optical_depth(self.length)
     }
 
-    /// Its ray, with one global bound.
+    /// The segment as a ray, with one global bound.
     pub fn ray(&self) -> ProfileRay<'_> {
         ProfileRay { case: self, done: self.bound() <= 0.0 }
     }

@@ -1,9 +1,11 @@
-//! Elementary functions that give the same bits on every machine, which those of system libraries do not promise.
+//! Elementary functions that give the same bits on every machine, which those of system libraries
+//! do not promise.
 
 /// Natural logarithm of a positive normal number, relative error below 2e-7.
 ///
-/// The same bits on every machine, which a system library does not promise. With `x = m 2^e`, `m` in
-/// [sqrt(1/2), sqrt(2)], and `s = (m - 1) / (m + 1)`: `ln m = 2 artanh s`, a series in `s^2 <= 0.0295`.
+/// The same bits on every machine, which a system library does not promise. With `x = m 2^e`, `m`
+/// in [sqrt(1/2), sqrt(2)], and `s = (m - 1) / (m + 1)`: `ln m = 2 artanh s`, a series in
+/// `s^2 <= 0.0295`.
 #[inline(always)]
 pub fn ln(x: f32) -> f32 {
     let bits = x.to_bits();
@@ -30,7 +32,8 @@ pub(crate) fn minus_ln_of_share(bits: u32) -> f32 {
 
 /// `e^x`, relative error below 2e-7; zero below -87.3, infinite above 88.7.
 ///
-/// The same bits on every machine: `x = k ln 2 + r`, `|r| <= ln(2) / 2`, and seven terms of the series in `r`.
+/// The same bits on every machine: `x = k ln 2 + r`, `|r| <= ln(2) / 2`, and seven terms of the
+/// series in `r`.
 #[inline(always)]
 pub fn exp(x: f32) -> f32 {
     // Negated so that NaN passes through.

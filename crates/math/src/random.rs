@@ -1,8 +1,9 @@
 //! Canonical random numbers, decisions and exponential variates from any [`rand_core::Rng`].
 //!
-//! A canonical number is a multiple of 2^-24: taken at its word, whatever is less likely than that would still happen so often, or
-//! never. Decisions and variates therefore treat it as the step that the true number lies in, and draw the place within the step where
-//! that matters, once in 2^24 times.
+//! A canonical number is a multiple of 2^-24: taken at its word, whatever is less likely than that
+//! would still happen so often, or never. Decisions and variates therefore treat it as the step
+//! that the true number lies in, and draw the place within the step where that matters, once in
+//! 2^24 times.
 
 use crate::elementary::{ln, minus_ln_of_share};
 use glam::{BVec3, Vec3};
@@ -31,13 +32,15 @@ fn within_step<R: Rng + ?Sized>(rng: &mut R) -> f64 {
     }
 }
 
-/// Whether an event of probability `probability` happens: exact for all probabilities of single precision. Below zero and NaN count as zero.
+/// Whether an event of probability `probability` happens: exact for all probabilities of single
+/// precision. Below zero and NaN count as zero.
 #[inline(always)]
 pub fn happens<R: Rng + ?Sized>(probability: f32, rng: &mut R) -> bool {
     Decision::new(rng).is_below(probability, rng)
 }
 
-/// As [`happens`], with the probability `part / whole` of two numbers of which the second is positive.
+/// As [`happens`], with the probability `part / whole` of two numbers of which the second is
+/// positive.
 #[inline(always)]
 pub fn happens_of<R: Rng + ?Sized>(part: f32, whole: f32, rng: &mut R) -> bool {
     let u = uniform(rng);
@@ -55,7 +58,8 @@ fn happens_within_step<R: Rng + ?Sized>(u: f32, probability: f64, rng: &mut R) -
     within_step(rng) < (probability - f64::from(u)) / f64::from(STEP)
 }
 
-/// One uniform number that may be compared with several probabilities: the events of smaller ones are part of those of larger ones.
+/// One uniform number that may be compared with several probabilities: the events of smaller ones
+/// are part of those of larger ones.
 #[derive(Debug, Clone, Copy)]
 pub struct Decision {
     /// The step's lower end.
@@ -121,9 +125,11 @@ impl Decision {
 /// Largest ratio whose complement [`complement`] does not leave to rounding.
 const TINY: f32 = 1.0 / 65_536.0;
 
-/// `1 - ratio`, without bias where the ratio is lost to rounding: ratios below 2^-16 count as 2^-16 as often as their share of it says.
+/// `1 - ratio`, without bias where the ratio is lost to rounding: ratios below 2^-16 count as 2^-16
+/// as often as their share of it says.
 ///
-/// Products of many complements, as a ray collects that crosses a very dense cell, would else forget all that is thin in it.
+/// Products of many complements, as a ray collects that crosses a very dense cell, would else
+/// forget all that is thin in it.
 #[inline(always)]
 pub fn complement<R: Rng + ?Sized>(ratio: f32, rng: &mut R) -> f32 {
     if ratio < TINY && ratio > 0.0 { complement_of_tiny(ratio, rng) } else { 1.0 - ratio }
@@ -140,7 +146,8 @@ const NEAR_ZERO: u32 = u32::MAX - (1 << 20) + 1;
 /// Random bits below which it lies so far out.
 const FAR_OUT: u32 = 1 << 8;
 
-/// An exponentially distributed number of mean one; exact also for what is as rare as single precision can say, near zero and far out.
+/// An exponentially distributed number of mean one; exact also for what is as rare as single
+/// precision can say, near zero and far out.
 #[inline(always)]
 pub fn exponential<R: Rng + ?Sized>(rng: &mut R) -> f32 {
     let bits = rng.next_u32();
@@ -176,7 +183,8 @@ fn exponential_at_an_end<R: Rng + ?Sized>(bits: u32, width: f64, rng: &mut R) ->
     const ALL: f64 = 4_294_967_296.0;
     let rest = within_step(rng) * width;
     if bits >= NEAR_ZERO {
-        // -ln(1 - w), w below 2^-12: what is left of the series is below rounding. The place is counted from one down.
+        // -ln(1 - w), w below 2^-12: what is left of the series is below rounding. The place is
+        // counted from one down.
         let w = (ALL - f64::from(bits) - width + rest) / ALL;
         return (w * (1.0 + w * (0.5 + w / 3.0))) as f32;
     }
@@ -219,8 +227,10 @@ mod tests {
         hits as f64 / f64::from(n)
     }
 
-    /// Given that a canonical number falls on step `k`, a decision of probability `p` is made with `p 2^24 - k`, in [0, 1]: what all steps together make
-    /// of it is `p`, whatever it is. H0: the share of 40000 decisions is that; |z| below 5.5, 40 shares: false alarm 2e-6. A share off by 1.4 % is seen; before, every one of them was 1.
+    /// Given that a canonical number falls on step `k`, a decision of probability `p` is made with
+    /// `p 2^24 - k`, in [0, 1]: what all steps together make of it is `p`, whatever it is. H0: the
+    /// share of 40000 decisions is that; |z| below 5.5, 40 shares: false alarm 2e-6. A share off by
+    /// 1.4 % is seen; before, every one of them was 1.
     #[test]
     fn decisions_of_any_probability_are_exact() {
         let step = f64::from(STEP);
@@ -261,8 +271,9 @@ mod tests {
         }
     }
 
-    /// The survival `e^-x` of variates, near zero and far out, where the bits are at an end. H0: shares below a depth, given the first bits, are what the law says;
-    /// z as above. Before, a variate was 0 with the probability 2^-25, never between 0 and 6e-8, and never above 22.9.
+    /// The survival `e^-x` of variates, near zero and far out, where the bits are at an end. H0:
+    /// shares below a depth, given the first bits, are what the law says; z as above. Before, a
+    /// variate was 0 with the probability 2^-25, never between 0 and 6e-8, and never above 22.9.
     #[test]
     fn exponential_is_exact_at_both_ends() {
         let n = 40_000u32;
@@ -303,7 +314,8 @@ mod tests {
         assert!((exponential_from(FAR_OUT) - 16.63).abs() < 0.01);
     }
 
-    /// H0: complements of tiny ratios have the right mean over a million; before they were all 1. Seen: 1 % of the ratio.
+    /// H0: complements of tiny ratios have the right mean over a million; before they were all 1.
+    /// Seen: 1 % of the ratio.
     #[test]
     fn complements_of_tiny_ratios_are_not_lost() {
         let mut rng = Pcg32::new(5, 5);

@@ -30,9 +30,11 @@ pub trait Spectrum:
     fn exp(self) -> Self;
     /// Largest magnitude.
     fn max_abs(self) -> f32;
-    /// The product, zero wherever a factor is zero: estimates that overflow stay infinite and never become NaN.
+    /// The product, zero wherever a factor is zero: estimates that overflow stay infinite and never
+    /// become NaN.
     fn times(self, factor: Self) -> Self;
-    /// One less this per channel, without bias where ratios are lost to rounding: see [`complement`].
+    /// One less this per channel, without bias where ratios are lost to rounding: see
+    /// [`complement`].
     fn complement<R: Rng + ?Sized>(self, rng: &mut R) -> Self;
     /// `f` per channel.
     fn map(self, f: impl Fn(f32) -> f32) -> Self;

@@ -1,4 +1,5 @@
-//! Nanoseconds per emission point and per direction. Run with `cargo bench -p pileus-media --bench emission`.
+//! Nanoseconds per emission point and per direction. Run with
+//! `cargo bench -p pileus-media --bench emission`.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use glam::{DAffine3, DMat3, DVec3, Vec3};

@@ -1,4 +1,5 @@
-//! Nanoseconds per lookup, per majorant step and per shadow ray. Run with `cargo bench -p pileus-media`.
+//! Nanoseconds per lookup, per majorant step and per shadow ray. Run with
+//! `cargo bench -p pileus-media`.
 
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
 use glam::{DAffine3, DMat3, DVec3, Vec3};
@@ -70,7 +71,8 @@ fn benches(c: &mut Criterion) {
             black_box(sum)
         });
     });
-    // First segment and first lookup of rays from random dense points: brick and voxels from memory.
+    // First segment and first lookup of rays from random dense points: brick and voxels from
+    // memory.
     let points = dense_points(&cumulus, 1 << 16);
     let mut rng = Pcg32::new(2, 2);
     let rays: Vec<_> = points.iter().map(|p| (*p, direction(&mut rng))).collect();

@@ -1,5 +1,5 @@
-//! Majorant structures: time to build and time per step along random rays through three assets. Steps per ray are printed. Run with
-//! `cargo bench -p pileus-media --bench majorants`.
+//! Majorant structures: time to build and time per step along random rays through three assets.
+//! Steps per ray are printed. Run with `cargo bench -p pileus-media --bench majorants`.
 #![allow(clippy::print_stdout, reason = "steps per ray are worth reading beside times")]
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};

@@ -1,4 +1,5 @@
-//! Nanoseconds per shadow ray of every estimator, and per flight of every sampler. Run with `cargo bench -p pileus-media --bench transmittance`.
+//! Nanoseconds per shadow ray of every estimator, and per flight of every sampler. Run with
+//! `cargo bench -p pileus-media --bench transmittance`.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use glam::{DAffine3, DMat3, DVec3, Vec3};

@@ -23,7 +23,8 @@ impl Channels for Grey {
     }
 }
 
-/// Three channels, whose extinctions are the field's times these factors, in [0, 1]: the field's bounds hold for all.
+/// Three channels, whose extinctions are the field's times these factors, in [0, 1]: the field's
+/// bounds hold for all.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Relative(pub Vec3);
 

@@ -3,7 +3,8 @@
 use pileus_vdb::Tree;
 use rayon::prelude::*;
 
-/// Values of a grid that count as something else: as zero where they are not finite, as the end of the range where they lie beyond it.
+/// Values of a grid that count as something else: as zero where they are not finite, as the end of
+/// the range where they lie beyond it.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Clamped {
     /// Values that are not finite.
@@ -27,7 +28,8 @@ impl Clamped {
         Clamped::count(tree, range, |v| v)
     }
 
-    /// Counts voxels, tiles and the background of a tree, as `value` reads them, against `low..=high`.
+    /// Counts voxels, tiles and the background of a tree, as `value` reads them, against
+    /// `low..=high`.
     fn count<T: Copy + Sync, const N: usize>(
         tree: &Tree<T>,
         (low, high): (f32, f32),

@@ -1,4 +1,5 @@
-//! Tentative collisions: the Poisson process of a field's majorants, from which every null-collision method is made.
+//! Tentative collisions: the Poisson process of a field's majorants, from which every
+//! null-collision method is made.
 
 use crate::field::{MajorantSegment, RayField};
 use crate::tally::Tally;
@@ -7,8 +8,8 @@ use rand_core::Rng;
 
 /// Walks along a ray from one tentative collision to the next.
 ///
-/// Tentative collisions are a Poisson process whose rate is the majorant: exact for any field. One exponential variate is spent
-/// per collision; what is left of it carries over from cell to cell.
+/// Tentative collisions are a Poisson process whose rate is the majorant: exact for any field. One
+/// exponential variate is spent per collision; what is left of it carries over from cell to cell.
 #[derive(Debug, Clone)]
 pub struct TentativeCollisions<F> {
     field: F,
@@ -34,7 +35,8 @@ impl<F: RayField> TentativeCollisions<F> {
         TentativeCollisions { field, segment: MajorantSegment::START, t: 0.0, remaining: None }
     }
 
-    /// Starts with a given majorant optical depth to the first collision (an exponential variate of mean one).
+    /// Starts with a given majorant optical depth to the first collision (an exponential variate of
+    /// mean one).
     #[inline(always)]
     pub fn with_first(field: F, depth: f32) -> Self {
         TentativeCollisions {
@@ -64,7 +66,8 @@ impl<F: RayField> TentativeCollisions<F> {
         }
     }
 
-    /// The next tentative collision with the majorant depth passed since the last one, or the depth from there to the ray's end.
+    /// The next tentative collision with the majorant depth passed since the last one, or the depth
+    /// from there to the ray's end.
     ///
     /// # Errors
     /// That depth, when the ray has left the field.
@@ -90,8 +93,9 @@ impl<F: RayField> TentativeCollisions<F> {
         }
     }
 
-    /// The next collision of a process with a share of the majorants' rate. `inverse`: one over that share, which may change from one collision to the next, since
-    /// what is left of a variate was drawn for nothing but the way up to the last one.
+    /// The next collision of a process with a share of the majorants' rate. `inverse`: one over
+    /// that share, which may change from one collision to the next, since what is left of a variate
+    /// was drawn for nothing but the way up to the last one.
     #[inline(always)]
     pub fn next_of_share<R: Rng + ?Sized>(
         &mut self,
@@ -119,8 +123,8 @@ impl<F: RayField> TentativeCollisions<F> {
         tally.looked_up(self.field.sigma_t(collision.t), collision.majorant)
     }
 
-    /// Whether the segment of the last collision never ends. By the contract of fields its extinction is constant: a walk that ignores
-    /// it would not come to an end.
+    /// Whether the segment of the last collision never ends. By the contract of fields its
+    /// extinction is constant: a walk that ignores it would not come to an end.
     #[inline(always)]
     pub fn is_endless(&self) -> bool {
         self.segment.t1 == f32::INFINITY

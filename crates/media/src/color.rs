@@ -19,10 +19,11 @@ pub struct ColorGrid {
 }
 
 impl ColorGrid {
-    /// From a vector grid. `to_index` maps the index space of the medium that asks to that of this tree.
+    /// From a vector grid. `to_index` maps the index space of the medium that asks to that of this
+    /// tree.
     ///
     /// # Errors
-    /// As [`VoxelGrid::from_tree`].
+    /// If the tree spans more than 2^31 voxels along an axis.
     pub fn from_vec3_tree(tree: &Tree<[f32; 3]>, to_index: glam::DAffine3) -> Result<Self, Error> {
         let clamped = Clamped::vectors(tree, (0.0, 1.0));
         let channels = (0..3)
@@ -34,7 +35,7 @@ impl ColorGrid {
     /// From a scalar grid: grey.
     ///
     /// # Errors
-    /// As [`VoxelGrid::from_tree`].
+    /// If the tree spans more than 2^31 voxels along an axis.
     pub fn from_float_tree(tree: &Tree<f32>, to_index: glam::DAffine3) -> Result<Self, Error> {
         let clamped = Clamped::numbers(tree, (0.0, 1.0));
         let channels = vec![ColorGrid::channel(tree)?];
@@ -56,7 +57,8 @@ impl ColorGrid {
         self.clamped
     }
 
-    /// Smallest value of each channel over a box of the asking medium's index space: never too large.
+    /// Smallest value of each channel over a box of the asking medium's index space: never too
+    /// large.
     pub(crate) fn least_over(&self, bounds: Bounds3) -> Vec3 {
         let bounds = box_over(&self.to_index, bounds);
         let least = |channel: &VoxelGrid| channel.range_over(bounds).0;

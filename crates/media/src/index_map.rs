@@ -3,7 +3,8 @@
 use glam::DAffine3;
 use pileus_math::Bounds3;
 
-/// The map, with numbers that are whole but for rounding made whole: grids of one transform then share voxels exactly.
+/// The map, with numbers that are whole but for rounding made whole: grids of one transform then
+/// share voxels exactly.
 pub(crate) fn snapped(map: DAffine3) -> DAffine3 {
     /// Largest rounding taken for one, in voxels.
     const ROUNDING: f64 = 1e-9;

@@ -52,7 +52,7 @@ pub enum Expectation {
     Exact,
     /// The right value in the mean.
     Unbiased,
-    /// Another value; in words, what is wrong with it.
+    /// Another value than the right one; in words, what is wrong with it.
     Biased(&'static str),
 }
 

@@ -1,7 +1,8 @@
 //! Stretches of a ray: consecutive majorant segments that an estimator treats as one interval.
 //!
-//! Transmittances of consecutive stretches multiply, and independent estimates of them as well. Where the cuts lie must not depend on
-//! random numbers. A limit on the majorant depth of a stretch keeps power series within single precision.
+//! Transmittances of consecutive stretches multiply, and independent estimates of them as well.
+//! Where the cuts lie must not depend on random numbers. A limit on the majorant depth of a stretch
+//! keeps power series within single precision.
 
 use crate::channels::Channels;
 use crate::field::{MajorantSegment, RayField};
@@ -65,7 +66,8 @@ impl Stretch {
         StretchPoint { t, majorant: piece.majorant }
     }
 
-    /// Extinction over majorant, per channel, at the point up to which the majorant depth is `depth`: one lookup.
+    /// Extinction over majorant, per channel, at the point up to which the majorant depth is
+    /// `depth`: one lookup.
     #[inline(always)]
     pub(crate) fn real_ratio<F: RayField, C: Channels>(
         &self,
@@ -139,7 +141,8 @@ impl<F: RayField> Stretches<F> {
                 self.pending = Some((segment, minorant));
                 return true;
             }
-            // Deeper than a whole stretch: equal parts. Infinite segments and those that rounding cannot part stay whole.
+            // Deeper than a whole stretch: equal parts. Infinite segments and those that rounding
+            // cannot part stay whole.
             let cut = t0 + (t1 - t0) / (depth / self.limit).ceil();
             if cut > t0 && cut < t1 {
                 stretch.push(MajorantSegment { t1: cut, ..segment }, minorant);
@@ -153,8 +156,8 @@ impl<F: RayField> Stretches<F> {
     }
 }
 
-/// The product of `factor` over the stretches of `field`, each of a majorant depth of at most `limit`; products below `threshold` are
-/// played roulette. Unbiased if the factors are.
+/// The product of `factor` over the stretches of `field`, each of a majorant depth of at most
+/// `limit`; products below `threshold` are played roulette. Unbiased if the factors are.
 #[inline(always)]
 pub(crate) fn product_over_stretches<F: RayField, C: Channels, R: Rng + ?Sized>(
     field: F,
@@ -172,10 +175,12 @@ pub(crate) fn product_over_stretches<F: RayField, C: Channels, R: Rng + ?Sized>(
         let next = if stretch.depth < f32::INFINITY {
             factor(&stretches.field, &stretch, rng, tally)
         } else {
-            // Constant extinction without end, by the contract of fields: only channels without extinction get through.
+            // Constant extinction without end, by the contract of fields: only channels without
+            // extinction get through.
             channels.of(f32::INFINITY).map(|depth| if depth > 0.0 { 0.0 } else { 1.0 })
         };
-        // Sums whose terms overflow in both directions: infinite, so that they are dropped and counted as estimates without a value.
+        // Sums whose terms overflow in both directions: infinite, so that they are dropped and
+        // counted as estimates without a value.
         let next = next.map(|x| if x.is_nan() { f32::INFINITY } else { x });
         product = product.times(next);
         let size = product.max_abs();

@@ -95,7 +95,8 @@ fn interpolation_is_openvdbs() {
     }
 }
 
-/// Walks a ray; checks that segments tile it, that no lookup leaves its bounds and that what lies between segments is empty.
+/// Walks a ray; checks that segments tile it, that no lookup leaves its bounds and that what lies
+/// between segments is empty.
 fn check_ray(
     name: &str,
     medium: &Medium,
@@ -221,8 +222,9 @@ fn spans_of_no_length_and_misses_are_none() {
     assert!(medium.span(middle, Vec3::new(f32::NAN, 0.0, 0.0), f64::INFINITY).is_none());
 }
 
-/// All structures give the exact transmittance by ratio tracking, and never more lookups than the global bound. Null hypothesis: the mean is exact; |z| < 6 on 240
-/// means, false alarm 5e-7 under the normal law.
+/// All structures give the exact transmittance by ratio tracking, and never more lookups than the
+/// global bound. Null hypothesis: the mean is exact; |z| < 6 on 240 means, false alarm 5e-7 under
+/// the normal law.
 #[test]
 fn structures_agree_on_transmittance() {
     use pileus_media::transmittance::ratio_tracking;
@@ -281,8 +283,9 @@ fn structures_agree_on_transmittance() {
     }
 }
 
-/// The cell around a voxel does not depend on where a walk came from: the densities of multiple importance sampling rely on it. Two rays through the same
-/// points in opposite directions see the same majorants.
+/// The cell around a voxel does not depend on where a walk came from: the densities of multiple
+/// importance sampling rely on it. Two rays through the same points in opposite directions see the
+/// same majorants.
 #[test]
 fn majorants_are_a_function_of_the_point() {
     for name in ["cumulus_small.vdb", "syn_plume.vdb", "arnold_smoke.vdb"] {

@@ -78,8 +78,9 @@ fn points(field: &EmissionField, origin: DVec3, d: Vec3, t_max: f64, u: f32) -> 
     points
 }
 
-/// The sum over points estimates the line integral with any weight. Null hypothesis: its mean is that of dense quadrature; |z| < 6.5 on 480 means (4 fields, 40 rays, 3
-/// channels), false alarm 4e-8 under the normal law. The quadrature's own error is allowed for with 3e-5 of the integral.
+/// The sum over points estimates the line integral with any weight. Null hypothesis: its mean is
+/// that of dense quadrature; |z| < 6.5 on 480 means (4 fields, 40 rays, 3 channels), false alarm
+/// 4e-8 under the normal law. The quadrature's own error is allowed for with 3e-5 of the integral.
 #[test]
 fn points_estimate_line_integrals() {
     let mut rng = Pcg32::new(1, 1);
@@ -158,7 +159,8 @@ fn points_keep_their_promises() {
     }
 }
 
-/// Eight points on average over lines along the axes that meet the field; a few more over those that have any. Measured 11 to 13.
+/// Eight points on average over lines along the axes that meet the field; a few more over those
+/// that have any. Measured 11 to 13.
 #[test]
 fn lines_that_meet_the_field_have_about_eight_points() {
     let mut rng = Pcg32::new(7, 7);
@@ -178,7 +180,8 @@ fn lines_that_meet_the_field_have_about_eight_points() {
     }
 }
 
-/// Uniform boxes have closed forms: along a row of voxels the integral is their sum, in all space that of all voxels.
+/// Uniform boxes have closed forms: along a row of voxels the integral is their sum, in all space
+/// that of all voxels.
 #[test]
 fn a_uniform_box_in_closed_form() {
     let voxel = 0.25;
@@ -236,12 +239,14 @@ fn a_uniform_ball_in_closed_form() {
             sum += found.iter().map(|p| f64::from(p.contribution.x)).sum::<f64>();
         }
         let mean = sum / 2000.0;
-        // About eight points per chord: noise of systematic points is far below a percent of 2000 chords.
+        // About eight points per chord: noise of systematic points is far below a percent of 2000
+        // chords.
         assert!((mean / chord - 1.0).abs() < 0.01, "{distance}: {mean} {chord}");
     }
 }
 
-/// Sums `value` over the middles of cells of `parts^3` per voxel, times their volume; the fire's voxels are cubes of 0.0375.
+/// Sums `value` over the middles of cells of `parts^3` per voxel, times their volume; the fire's
+/// voxels are cubes of 0.0375.
 fn integrate(
     field: &EmissionField,
     to_world: DAffine3,
@@ -283,7 +288,8 @@ fn eyes(field: &EmissionField) -> [DVec3; 4] {
     [at(30.0, -9.0, 4.0), at(-0.3, 0.1, 0.4), at(0.4, 0.6, 1.7), at(0.5, 0.4, 0.6)]
 }
 
-/// Directions by two numbers in [0, 1), uniform in a cone that holds all of a field, or over the sphere from amid it; and the solid angle.
+/// Directions by two numbers in [0, 1), uniform in a cone that holds all of a field, or over the
+/// sphere from amid it; and the solid angle.
 fn cone(field: &EmissionField, eye: DVec3) -> (impl Fn(f64, f64) -> Vec3, f64) {
     let Bounds3 { low, high } = field.bounds_world().unwrap();
     let (to, radius) = (0.5 * (low + high) - eye, 0.6 * (high - low).length());
@@ -308,7 +314,8 @@ fn smoke(field: &EmissionField) -> impl Fn(DVec3) -> f64 + Sync {
     move |p| (10.0 / size) * (1.0 + (9.0 * (p - low).x / size).sin())
 }
 
-/// Null hypothesis: densities of directions integrate to one over the sphere. Means over 100000 random directions; |z| < 6.4 on 16 of them, false alarm 2.5e-9.
+/// Null hypothesis: densities of directions integrate to one over the sphere. Means over 100000
+/// random directions; |z| < 6.4 on 16 of them, false alarm 2.5e-9.
 #[test]
 fn densities_of_directions_integrate_to_one() {
     for (name, field) in all() {
@@ -333,8 +340,8 @@ fn densities_of_directions_integrate_to_one() {
     }
 }
 
-/// Directions are drawn with the density that is told. Null hypothesis: counts in 8 x 16 bins of a cone are those of its integral, by 24 x 24 points a bin; chi-square at 1e-9 each,
-/// 16 tests.
+/// Directions are drawn with the density that is told. Null hypothesis: counts in 8 x 16 bins of a
+/// cone are those of its integral, by 24 x 24 points a bin; chi-square at 1e-9 each, 16 tests.
 #[test]
 fn directions_follow_their_density() {
     for (name, field) in all() {
@@ -384,7 +391,8 @@ fn directions_follow_their_density() {
     }
 }
 
-/// Emission is per scene unit: a field twice as large gives off eight times the power and shines twice as bright along a line.
+/// Emission is per scene unit: a field twice as large gives off eight times the power and shines
+/// twice as bright along a line.
 #[test]
 fn emission_is_per_scene_unit() {
     let (grid, to_world) = fire("flame");
@@ -469,7 +477,8 @@ fn temperatures_are_in_real_units() {
 /// Grids with other transforms than the density's are met where they lie in the world.
 #[test]
 fn grids_with_other_transforms_meet_in_the_world() {
-    // Density over [0, 8]^3; temperature on a lattice of half the step, moved: 2000 K for x > 4, else nothing.
+    // Density over [0, 8]^3; temperature on a lattice of half the step, moved: 2000 K for x > 4,
+    // else nothing.
     let density = Tree::from_dense(0.0, [-2; 3], [14; 3], &[1.0; 14 * 14 * 14]);
     let mut values = vec![0.0f32; 40 * 40 * 40];
     for (i, value) in values.iter_mut().enumerate() {

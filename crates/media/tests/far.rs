@@ -1,4 +1,5 @@
-//! Voxels are as exact wherever they lie: clouds far from each other, from their grid's corner and from the ray's origin.
+//! Voxels are as exact wherever they lie: clouds far from each other, from their grid's corner and
+//! from the ray's origin.
 
 use glam::{DAffine3, DQuat, DVec3, Vec3};
 use pileus_media::distance::DistanceSampler;
@@ -56,7 +57,8 @@ fn medium(tree: &Tree<f32>, to_world: DAffine3, interpolation: Interpolation) ->
         .unwrap()
 }
 
-/// The integral of extinction over what the walk's segments hand out, by the midpoint rule on its lookups, and its largest excess over the bound.
+/// The integral of extinction over what the walk's segments hand out, by the midpoint rule on its
+/// lookups, and its largest excess over the bound.
 fn walked_depth(medium: &Medium, origin: DVec3, direction: Vec3) -> f64 {
     let Some(span) = medium.span(origin, direction, f64::INFINITY) else { return 0.0 };
     let mut ray = medium.any_ray(&span, 1.0);
@@ -106,8 +108,9 @@ const PLACES: [[i32; 3]; 9] = [
     [4000, 4093, 8187],
 ];
 
-/// The walk's own lookups along its own segments add up to the exact depth, which is that of the cloud alone: to 4e-3 of it (what the rule errs by), wherever it lies. At
-/// 300000 voxels from the corner single precision was off by up to 2.5e-2, at 16777216 by half.
+/// The walk's own lookups along its own segments add up to the exact depth, which is that of the
+/// cloud alone: to 4e-3 of it (what the rule errs by), wherever it lies. At 300000 voxels from the
+/// corner single precision was off by up to 2.5e-2, at 16777216 by half.
 #[test]
 fn clouds_far_from_their_corner_are_exact() {
     let index = |place: [i32; 3]| DVec3::from_array(place.map(f64::from));
@@ -151,8 +154,8 @@ fn clouds_far_from_their_corner_are_exact() {
     }
 }
 
-/// Several clouds on one line, 10^8 voxels apart, with a tile of 4096^3 between them: depths add up, flights by any method end where the depth says, and what lies between costs
-/// a few steps.
+/// Several clouds on one line, 10^8 voxels apart, with a tile of 4096^3 between them: depths add
+/// up, flights by any method end where the depth says, and what lies between costs a few steps.
 #[test]
 fn clusters_far_apart_on_one_ray() {
     let places = [[0, 0, 0], [100_000_000, 0, 0], [100_000_100, 0, 0], [(1 << 30) - 64, 0, 0]];
@@ -184,7 +187,8 @@ fn clusters_far_apart_on_one_ray() {
                 let up_to = optical_depth(&far, o, d.as_dvec3(), 0.0, end, tally);
                 assert!((up_to - share * depth).abs() < 2e-3 * depth, "{share} {up_to} {depth}");
             }
-            // H0: estimators have this mean. 4000 estimates, |z| < 5: false alarm 6e-7 each, 5e-5 in all ten thousand such suites. A bias of 2 % is seen.
+            // H0: estimators have this mean. 4000 estimates, |z| < 5: false alarm 6e-7 each, 5e-5
+            // in all ten thousand such suites. A bias of 2 % is seen.
             let transmittance = (-exact).exp();
             for estimator in
                 [Estimator::Ratio, Estimator::ResidualRatio, Estimator::UnbiasedRayMarching]
@@ -212,14 +216,16 @@ fn clusters_far_apart_on_one_ray() {
     }
 }
 
-/// Emission, albedos, mean cosines and flakes by grids lie where the density does: at 10^8 voxels as at the origin.
+/// Emission, albedos, mean cosines and flakes by grids lie where the density does: at 10^8 voxels
+/// as at the origin.
 #[test]
 fn grids_of_other_properties_are_as_exact() {
     let place = [100_000_000; 3];
     let shift = 20_000_000.0;
     let to_world = DAffine3::from_scale(DVec3::splat(0.2));
     let (near, far) = (tree(&[[0; 3]], &[]), tree(&[place], &[[0; 3]]));
-    // Emission: points at equal steps of the rate; the mean over offsets is the line integral of the emission.
+    // Emission: points at equal steps of the rate; the mean over offsets is the line integral of
+    // the emission.
     let field = |tree: &Tree<f32>| {
         let grid = grid(tree, Interpolation::Trilinear);
         EmissionField::new(EmissionSource::Grid { grid, color: [1.0, 0.5, 0.2] }, to_world).unwrap()
@@ -259,7 +265,8 @@ fn grids_of_other_properties_are_as_exact() {
         assert!((a - b).abs().max_element() < 1e-5, "{a} {b}");
         assert!((cosines[0].at_index(u) - cosines[1].at_index(p)).abs() < 1e-5);
     }
-    // Flakes by grid: the walk's extinction is that of the point, with the area that the flakes there show.
+    // Flakes by grid: the walk's extinction is that of the point, with the area that the flakes
+    // there show.
     let axes = |tree: &Tree<f32>| tree.clone().map(|v| [v, 0.4 - v, 0.1]);
     let flakes = |tree: &Tree<f32>| {
         let grid =
@@ -302,8 +309,8 @@ fn what_cannot_be_addressed_is_refused() {
     assert!(grid.range().0 == 0.0 && (grid.range().1 - 1.0).abs() < 1e-6);
 }
 
-/// A ray whose origin is 10^6 voxels off, in every direction, through an ordinary grid: its depth by the walk is the exact one to 1e-3. Rounded directions missed
-/// by 0.1 voxels.
+/// A ray whose origin is 10^6 voxels off, in every direction, through an ordinary grid: its depth
+/// by the walk is the exact one to 1e-3. Rounded directions missed by 0.1 voxels.
 #[test]
 fn origins_far_from_the_grid() {
     let near = medium(
@@ -363,8 +370,9 @@ impl ExactField for Loose {
     }
 }
 
-/// Thin fog beside something very dense: twelve million tentative collisions of which each is real with probability 1e-15 have none that is (1 - 5e-8 for all flights of all
-/// methods). At 2^-24 each, as canonical numbers have it, every flight had one with probability 0.5.
+/// Thin fog beside something very dense: twelve million tentative collisions of which each is real
+/// with probability 1e-15 have none that is (1 - 5e-8 for all flights of all methods). At 2^-24
+/// each, as canonical numbers have it, every flight had one with probability 0.5.
 #[test]
 fn flights_through_thin_fog_under_a_dense_bound_pass() {
     let field = Loose { sigma_t: 1e-15, majorant: 1.0, length: 1.2e7, begun: false };
@@ -382,7 +390,8 @@ fn flights_through_thin_fog_under_a_dense_bound_pass() {
     }
 }
 
-/// The opposite error of shadow rays: factors of 1 - 2e-8 are not representable, yet twelve million of them leave 0.787. One walk has a standard deviation of 1.5e-3;
+/// The opposite error of shadow rays: factors of 1 - 2e-8 are not representable, yet twelve million
+/// of them leave 0.787. One walk has a standard deviation of 1.5e-3;
 /// |z| < 6, false alarm 2e-9 each. Before, transmittances were 1.
 #[test]
 fn shadow_rays_through_thin_fog_under_a_dense_bound_are_dimmed() {

@@ -63,8 +63,9 @@ fn regular_tracking_agrees_to_1e5() {
     }
 }
 
-/// Null hypothesis per ray: the estimator's mean is `exp(-tau)`. Rays are scaled to a depth of at most 3, so that 20,000 samples tell
-/// the mean well and the normal law holds. |z| < 6.5 fails by chance with probability 8e-11 per ray and estimator: below 1e-6 for the suite.
+/// Null hypothesis per ray: the estimator's mean is `exp(-tau)`. Rays are scaled to a depth of at
+/// most 3, so that 20,000 samples tell the mean well and the normal law holds. |z| < 6.5 fails by
+/// chance with probability 8e-11 per ray and estimator: below 1e-6 for the suite.
 #[test]
 fn trackers_are_unbiased_on_every_ray() {
     let mut failed = Vec::new();
@@ -105,7 +106,8 @@ fn trackers_are_unbiased_on_every_ray() {
                 majorant_depth += (segment.t1 - segment.t0) * segment.majorant;
             }
             for (name_of, estimator, threshold) in methods {
-                // Loose stretches multiply their noise: beyond some stretches the mean of few samples tells nothing.
+                // Loose stretches multiply their noise: beyond some stretches the mean of few
+                // samples tells nothing.
                 if estimator == Estimator::Bidirectional && majorant_depth > 32.0 {
                     continue;
                 }
@@ -123,9 +125,11 @@ fn trackers_are_unbiased_on_every_ray() {
                 assert_eq!(tally.violations, 0);
                 let n = f64::from(samples);
                 let mean = sum / n;
-                // The rounding of single precision counts as much as noise where there is hardly any.
+                // The rounding of single precision counts as much as noise where there is hardly
+                // any.
                 let variance = (squares / n - mean * mean).max(0.0) / n + 1e-11 * exact * exact;
-                // A delta tracker that never saw an event has no variance of its own: take the exact one.
+                // A delta tracker that never saw an event has no variance of its own: take the
+                // exact one.
                 let bernoulli = exact * (1.0 - exact) / n;
                 let variance = if estimator == Estimator::Delta {
                     bernoulli + 1e-14
@@ -184,8 +188,8 @@ fn exact_inversion_finds_the_depth() {
     }
 }
 
-/// Null hypothesis per ray: flights end in four parts of equal probability, and escape, as the exact depth says. |z| < 6.5 on some 30,000 figures:
-/// false alarm 3e-6 under the normal law.
+/// Null hypothesis per ray: flights end in four parts of equal probability, and escape, as the
+/// exact depth says. |z| < 6.5 on some 30,000 figures: false alarm 3e-6 under the normal law.
 #[test]
 fn flights_are_exact_on_every_ray() {
     use pileus_media::distance::{DistanceSampler, Flight};
@@ -252,7 +256,8 @@ fn flights_are_exact_on_every_ray() {
                 for (bin, count) in counts.into_iter().enumerate() {
                     let p = if bin == 4 { escape } else { part };
                     let n = f64::from(SAMPLES);
-                    // Ends are known in single precision: some 1e-4 of the probability may change sides.
+                    // Ends are known in single precision: some 1e-4 of the probability may change
+                    // sides.
                     let error = (n * p * (1.0 - p)).sqrt() + 3e-4 * n * p;
                     let z = (count - n * p) / error;
                     if !(z.abs() < 6.5) {

@@ -35,7 +35,7 @@ pub enum Kind {
 pub struct Input {
     /// The job.
     pub(crate) job: Job,
-    /// Its text, if it was read.
+    /// Text of the job, if it was read.
     pub(crate) document: Option<Document>,
     /// The file that was named on the command line.
     pub(crate) path: PathBuf,

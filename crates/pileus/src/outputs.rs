@@ -17,7 +17,7 @@ const MOST_TRIED: u64 = 1 << 28;
 pub(crate) struct Target {
     /// What it is, for messages.
     pub(crate) what: &'static str,
-    /// Its name.
+    /// Path of the file.
     pub(crate) path: PathBuf,
     /// Where it was named; `None` on the command line.
     pub(crate) at: Option<Place>,

@@ -9,15 +9,15 @@ use pileus_math::Bounds3;
 use pileus_media::EmissionField;
 
 use crate::camera::Camera;
-use crate::environment::Environment;
 use crate::error::{Error, Place};
 use crate::gltf::{self, GltfCamera, GltfScene, GltfSurfaces};
-use crate::hint::Hint;
 use crate::light::Light;
-use crate::sky::default_sky;
+use crate::light::environment::Environment;
+use crate::light::sky::default_sky;
+use crate::spec::Hint;
+use crate::spec::volume_spec::VolumeSpec;
 use crate::surface::{GlassRule, Surfaces};
 use crate::volume::{DefaultScale, Volume, VolumeLoader, VolumeRequest, VolumeSource};
-use crate::volume_spec::VolumeSpec;
 
 /// Everything an image is made from, immutable; nothing in it touches a file any more.
 #[derive(Debug, Clone)]
@@ -194,7 +194,8 @@ impl Scene {
         self.volumes.iter().filter_map(|volume| volume.emission.as_ref())
     }
 
-    /// The box in world space that holds all bounded volumes and surfaces; `None` if there are none.
+    /// The box in world space that holds all bounded volumes and surfaces; `None` if there are
+    /// none.
     pub fn bounds(&self) -> Option<Bounds3> {
         let fires = self.fires().filter_map(|fire| fire.bounds_world());
         let volumes = self.volumes.iter().filter_map(|volume| volume.medium.bounds_world());
@@ -211,9 +212,9 @@ struct Balls {
 }
 
 impl Balls {
-    /// Cells of the volumes' bounds in which there is more than a trace of density or of light, and corners of
-    /// the surfaces' bounds; `None` without anything bounded. What is smaller than a cell may be
-    /// missed, which the margin of the frame forgives.
+    /// Cells of the volumes' bounds in which there is more than a trace of density or of light, and
+    /// corners of the surfaces' bounds; `None` without anything bounded. What is smaller than a
+    /// cell may be missed, which the margin of the frame forgives.
     fn of(volumes: &[Volume], surfaces: Option<&Surfaces>) -> Option<Self> {
         /// Cells along each axis of a volume's bounds.
         const SIDE: u32 = 40;

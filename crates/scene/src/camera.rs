@@ -101,7 +101,10 @@ impl Camera {
         Self::framing_balls(bounds.corners(), 0.0, fov_y_degrees, resolution)
     }
 
-    /// As [`Self::framing`], but shows balls of one radius around points as large as they fit.
+    /// A three-quarter view from slightly above that shows balls around points as large as they
+    /// fit, with a small margin.
+    ///
+    /// `centres` and the `radius` that all balls have are in world space, in scene units.
     ///
     /// With the direction of view given, each point bounds the camera's distance and offset along
     /// each axis of the film linearly, so that the closest camera is found without iteration.

@@ -9,9 +9,9 @@ use gltf::json;
 use crate::assemble::SceneRequest;
 use crate::gltf::GltfScene;
 use crate::json::Document;
+use crate::spec::volume_spec::VolumeSpec;
 use crate::uri::resolve_uri;
 use crate::volume::VolumeLoader;
-use crate::volume_spec::VolumeSpec;
 
 /// The files that the buffers and images of a glTF file are in, needed or not; URIs that mean no
 /// file are left out.

@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 
 use serde::de::{DeserializeOwned, IgnoredAny};
 
-use crate::by_name::LATER;
 use crate::error::{Error, Place};
+use crate::spec::by_name::LATER;
 
 /// A JSON text and the name of its file, able to tell where each value stands.
 #[derive(Debug, Clone)]
@@ -102,8 +102,8 @@ impl Document {
     }
 }
 
-/// Parses a JSON text strictly: no comments, no trailing text, unknown keys as the type refuses them.
-/// Numbers are what they are worth: `4.0` and `4e0` are whole.
+/// Parses a JSON text strictly: no comments, no trailing text, unknown keys as the type refuses
+/// them. Numbers are what they are worth: `4.0` and `4e0` are whole.
 pub fn parse<T: DeserializeOwned>(text: &str) -> Result<T, Fault> {
     // Syntax first: the places of values can only be told in a text that is JSON.
     check_syntax(text)?;
@@ -254,7 +254,8 @@ fn syntax_fault(text: &str, error: &serde_json::Error) -> Fault {
     let offset = (line_start + error.column().saturating_sub(1)).min(text.len());
     let rest = text.as_bytes().get(offset..).unwrap_or_default();
     let comment = rest.first() == Some(&b'/') || rest.first() == Some(&b'#');
-    // Where the word begins that holds the offending byte: `NaN` and its relatives are told by name.
+    // Where the word begins that holds the offending byte: `NaN` and its relatives are told by
+    // name.
     let before = text.get(..offset).unwrap_or_default();
     let letters = before.bytes().rev().take_while(u8::is_ascii_alphabetic).count();
     let word = before.len() - letters;
@@ -535,7 +536,8 @@ fn find_key(text: &str, below: &[String], name: &str) -> Option<Vec<String>> {
     search(text, below, |key, _| key == name)
 }
 
-/// The path of the scalar that a message speaks of: for "invalid type: string "abc", expected ..." the one that reads so.
+/// The path of the scalar that a message speaks of: for "invalid type: string "abc", expected ..."
+/// the one that reads so.
 fn find_unexpected(text: &str, below: &[String], message: &str) -> Option<Vec<String>> {
     let unexpected =
         message.strip_prefix("invalid type: ").or(message.strip_prefix("invalid value: "))?;

@@ -1,4 +1,5 @@
-//! Prints what the grids of OpenVDB files are and what is in them: `cargo run --release --example list_grids -- FILE...`
+//! Prints what the grids of OpenVDB files are and what is in them:
+//! `cargo run --release --example list_grids -- FILE...`
 #![allow(clippy::print_stdout, clippy::print_stderr)]
 
 use std::error::Error;

@@ -1,5 +1,5 @@
-//! Wall and processor time of reading all float grids of a file and adding up their active values, best of several runs:
-//! `cargo run --release --example read_time -- FILE [REPEATS]`
+//! Wall and processor time of reading all float grids of a file and adding up their active values,
+//! best of several runs: `cargo run --release --example read_time -- FILE [REPEATS]`
 #![allow(clippy::print_stdout)]
 
 use std::error::Error;
@@ -8,7 +8,8 @@ use std::time::Instant;
 use pileus_vdb::{Tree, ValueType, VdbFile};
 use rayon::prelude::*;
 
-/// Milliseconds of processor time of this process with all its threads, where the system tells (Linux).
+/// Milliseconds of processor time of this process with all its threads, where the system tells
+/// (Linux).
 fn cpu_ms() -> f64 {
     let total = std::fs::read_dir("/proc/self/task").ok().map(|tasks| {
         let times = tasks.flatten().filter_map(|task| {

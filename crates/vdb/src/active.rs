@@ -21,7 +21,8 @@ impl<T: Copy + PartialEq> Tree<T> {
         leaves.chain(tiles).fold(0, u64::saturating_add)
     }
 
-    /// Smallest and largest coordinate (both inside) of the box around all active voxels and tiles; none without any.
+    /// Smallest and largest coordinate (both inside) of the box around all active voxels and tiles;
+    /// none without any.
     pub fn active_bbox(&self) -> Option<(Coord, Coord)> {
         let leaves = self.leaves.iter().filter_map(leaf_bbox);
         let tiles = self.tiles.iter().filter(|tile| tile.active).map(|tile| {
@@ -57,7 +58,8 @@ impl<T: Copy + PartialEq> Tree<T> {
 }
 
 impl<T: Copy + PartialEq + PartialOrd> Tree<T> {
-    /// Smallest and largest active value; values without order (NaN) are left out. None without any.
+    /// Smallest and largest active value; values without order (NaN) are left out. None without
+    /// any.
     pub fn min_max(&self) -> Option<(T, T)> {
         #[expect(clippy::eq_op, reason = "NaN is what differs from itself")]
         let ordered = self.active_values().map(|active| active.value).filter(|v| v == v);

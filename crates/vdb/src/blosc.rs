@@ -1,7 +1,9 @@
-//! Decoder of the Blosc 1 container: a 16-byte header, block offsets, and per block one or several compressed streams.
+//! Decoder of the Blosc 1 container: a 16-byte header, block offsets, and per block one or several
+//! compressed streams.
 //!
-//! Format: `README_CHUNK_FORMAT.rst` of c-blosc 1.x. OpenVDB writes LZ4 with byte shuffle of 4-byte elements in one block; the
-//! other codecs and layouts are read because other writers of the format may use them.
+//! Format: `README_CHUNK_FORMAT.rst` of c-blosc 1.x. OpenVDB writes LZ4 with byte shuffle of 4-byte
+//! elements in one block; the other codecs and layouts are read because other writers of the format
+//! may use them.
 
 use crate::blosclz;
 use crate::compression::CodecError;
@@ -30,7 +32,8 @@ fn u32_at(bytes: &[u8], at: usize) -> Option<usize> {
     usize::try_from(u32::from_le_bytes(*field)).ok()
 }
 
-/// Decodes one Blosc chunk that must fill `dst` exactly. `scratch` is free to use and keeps its capacity.
+/// Decodes one Blosc chunk that must fill `dst` exactly. `scratch` is free to use and keeps its
+/// capacity.
 pub(crate) fn decompress(
     src: &[u8],
     dst: &mut [u8],
@@ -93,7 +96,8 @@ pub(crate) fn decompress(
     Ok(())
 }
 
-/// Decodes the streams of one block, each with a 32-bit length in front; one as long as its output is stored.
+/// Decodes the streams of one block, each with a 32-bit length in front; one as long as its output
+/// is stored.
 fn decode_block(
     codec: Codec,
     src: &[u8],
@@ -193,7 +197,8 @@ fn zstd_window(frame: &[u8]) -> Option<u64> {
 mod tests {
     use super::*;
 
-    /// The bytes that all frames of `tests/blosc` hold: slow ramps, a stretch without structure, and a repeat after 20,000 bytes.
+    /// The bytes that all frames of `tests/blosc` hold: slow ramps, a stretch without structure,
+    /// and a repeat after 20,000 bytes.
     fn pattern(count: usize) -> Vec<u8> {
         let mut out: Vec<u8> = Vec::with_capacity(count);
         for i in 0..count {
@@ -207,7 +212,8 @@ mod tests {
         out
     }
 
-    /// Name, unpacked length and bytes of each frame. They were made by c-blosc 1.21.3, `CODEC_SHUFFLE_TYPESIZE_LENGTH`.
+    /// Name, unpacked length and bytes of each frame. They were made by c-blosc 1.21.3,
+    /// `CODEC_SHUFFLE_TYPESIZE_LENGTH`.
     fn frames() -> Vec<(String, usize, Vec<u8>)> {
         let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/blosc");
         let entries = std::fs::read_dir(folder).unwrap();

@@ -3,11 +3,13 @@
 /// Longest distance of a short match; a long one adds 16 bits to it.
 const MAX_DISTANCE: usize = 8191;
 
-/// Decodes `src` into `dst` and returns the number of bytes written, or nothing when the stream is damaged.
+/// Decodes `src` into `dst` and returns the number of bytes written, or nothing when the stream is
+/// damaged.
 ///
-/// The stream is a sequence of tokens. Below 32 the token is a run of `token + 1` literals. Otherwise its upper three bits are the
-/// match length (7 goes on in further bytes while they are 255) and its lower five the high byte of the distance, whose low byte
-/// follows; distance 31 * 256 + 255 announces a 16-bit distance. The first token is always a literal run.
+/// The stream is a sequence of tokens. Below 32 the token is a run of `token + 1` literals.
+/// Otherwise its upper three bits are the match length (7 goes on in further bytes while they
+/// are 255) and its lower five the high byte of the distance, whose low byte follows; distance 31 *
+/// 256 + 255 announces a 16-bit distance. The first token is always a literal run.
 pub(crate) fn decompress(src: &[u8], dst: &mut [u8]) -> Option<usize> {
     let mut input = src;
     let mut written = 0usize;

@@ -70,8 +70,8 @@ pub(crate) enum Block<'a> {
 }
 
 impl<'a> Block<'a> {
-    /// Steps over the block of `bytes` unpacked bytes. A compressed grid writes a 64-bit length in front of it: negative or zero
-    /// for plain bytes, whose number it then must match.
+    /// Steps over the block of `bytes` unpacked bytes. A compressed grid writes a 64-bit length in
+    /// front of it: negative or zero for plain bytes, whose number it then must match.
     #[inline]
     pub(crate) fn read(
         cursor: &mut Cursor<'a>,

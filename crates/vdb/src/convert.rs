@@ -9,9 +9,11 @@ use crate::tree::{Coord, LEAF_VALUES, Tile, Tree};
 
 /// Converts a float grid that `vdb-rs` has read.
 ///
-/// That crate keeps neither the background value, which becomes 0, nor root tiles nor inactive values other than 0, so only
-/// fog volumes without such come out as [`VdbFile::read`](crate::VdbFile::read) gives them. Names with characters beyond ASCII
-/// arrive damaged, and several encodings make it panic or misread; `docs/decisions/0001-own-vdb-reader.md` lists them.
+/// That crate keeps neither the background value, which becomes 0, nor root tiles nor inactive
+/// values other than 0, so only fog volumes without such come out as
+/// [`VdbFile::read`](crate::VdbFile::read) gives them. Names with characters beyond ASCII arrive
+/// damaged, and several encodings make it panic or misread; `docs/decisions/0001-own-vdb-reader.md`
+/// lists them.
 ///
 /// # Errors
 /// [`Error::Invalid`] when a node does not hold as many values as its masks ask for.

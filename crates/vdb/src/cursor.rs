@@ -97,7 +97,8 @@ impl<'a> Cursor<'a> {
         Ok(out)
     }
 
-    /// A string with a 32-bit length in front. Bytes that are no UTF-8 become replacement characters.
+    /// A string with a 32-bit length in front. Bytes that are no UTF-8 become replacement
+    /// characters.
     pub(crate) fn string(&mut self, what: &str) -> Result<String, Fault> {
         let count = self.u32(what)?;
         let bytes = self.take(count as usize, what)?;

@@ -4,7 +4,8 @@ use std::fmt;
 
 use thiserror::Error;
 
-/// Where an error happened: file, grid when one is concerned, byte offset from the start of the file when one is known.
+/// Where an error happened: file, grid when one is concerned, byte offset from the start of the
+/// file when one is known.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Place {
     /// Path of the file, or the name given to [`VdbFile::from_bytes`](crate::VdbFile::from_bytes).
@@ -34,7 +35,8 @@ pub(crate) fn shown(name: &str) -> String {
     name.chars().take(80).flat_map(char::escape_debug).chain(more.chars()).collect()
 }
 
-/// Any failure of this crate. The kinds say who can act: the system, the author of the file, we, or the caller.
+/// Any failure of this crate. The kinds say who can act: the system, the author of the file, we, or
+/// the caller.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -115,8 +117,8 @@ enum FaultKind {
     },
 }
 
-/// An error of a parser, which knows the byte offset but neither file nor grid. Boxed because results of this type are passed
-/// around in hot loops.
+/// An error of a parser, which knows the byte offset but neither file nor grid. Boxed because
+/// results of this type are passed around in hot loops.
 #[derive(Debug)]
 pub(crate) struct Fault(Box<FaultParts>);
 

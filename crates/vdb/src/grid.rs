@@ -33,7 +33,8 @@ pub enum ValueType {
     Vec3d,
     /// Three 32-bit signed integers.
     Vec3i,
-    /// Another type or another tree shape than 5-4-3; it can be listed but not read. [`GridInfo::type_name`] tells.
+    /// Another type or another tree shape than 5-4-3; it can be listed but not read.
+    /// [`GridInfo::type_name`] tells.
     Other,
 }
 
@@ -123,7 +124,8 @@ pub struct GridInfo {
     pub saved_as_half: bool,
     /// How the voxels are packed.
     pub compression: Compression,
-    /// Name, in the form that [`VdbFile::find`](crate::VdbFile::find) takes, of the grid whose tree this one shares.
+    /// Name, in the form that [`VdbFile::find`](crate::VdbFile::find) takes, of the grid whose tree
+    /// this one shares.
     pub instance_of: Option<String>,
     /// Metadata of the grid.
     pub metadata: Metadata,
@@ -153,8 +155,8 @@ pub(crate) fn split_suffix(unique: &str) -> (&str, Option<usize>) {
 }
 
 impl GridInfo {
-    /// The name by which [`VdbFile::find`](crate::VdbFile::find) finds this grid and no other: `density`, or `density[1]` when
-    /// the file has several of that name.
+    /// The name by which [`VdbFile::find`](crate::VdbFile::find) finds this grid and no other:
+    /// `density`, or `density[1]` when the file has several of that name.
     pub fn full_name(&self) -> String {
         if self.shares_name { format!("{}[{}]", self.name, self.index) } else { self.name.clone() }
     }
@@ -166,8 +168,8 @@ pub(crate) struct Descriptor {
     pub(crate) type_name: String,
     pub(crate) half_suffix: bool,
     pub(crate) parent_name: String,
-    /// Where metadata and transform, where the leaf buffers begin, and where the grid ends, from the start of the file; zero in
-    /// streams.
+    /// Where metadata and transform, where the leaf buffers begin, and where the grid ends, from
+    /// the start of the file; zero in streams.
     pub(crate) grid_pos: i64,
     pub(crate) block_pos: i64,
     pub(crate) end_pos: i64,
@@ -203,8 +205,8 @@ impl Descriptor {
         })
     }
 
-    /// Reads what stands between the descriptor and the tree. `old_zip` is the compression of files before version 222, where it
-    /// is one for all grids.
+    /// Reads what stands between the descriptor and the tree. `old_zip` is the compression of files
+    /// before version 222, where it is one for all grids.
     pub(crate) fn read_head(
         self,
         cursor: &mut Cursor<'_>,
@@ -218,7 +220,8 @@ impl Descriptor {
         };
         let metadata = Metadata::read(cursor)?;
         let transform = Transform::read(cursor, version)?;
-        // OpenVDB goes by the metadata; the suffix of the type name alone counts when there is none.
+        // OpenVDB goes by the metadata; the suffix of the type name alone counts when there is
+        // none.
         let saved_as_half = match metadata.get("is_saved_as_half_float") {
             Some(MetaValue::Bool(half)) => *half,
             _ => self.half_suffix,
@@ -275,8 +278,8 @@ pub enum Values {
 }
 
 impl Grid {
-    /// The voxels as 32-bit floats: floats as they are, other numbers rounded to the nearest float, truth values and masks as 0
-    /// and 1.
+    /// The voxels as 32-bit floats: floats as they are, other numbers rounded to the nearest float,
+    /// truth values and masks as 0 and 1.
     ///
     /// # Errors
     /// [`Error::Unsupported`] for grids of vectors.

@@ -1,5 +1,5 @@
-//! The voxel values of the leaves: a scan finds where each lies in a window of the file, then these are decoded in parallel,
-//! straight to their places in one array.
+//! The voxel values of the leaves: a scan finds where each lies in a window of the file, then these
+//! are decoded in parallel, straight to their places in one array.
 
 use rayon::prelude::*;
 
@@ -45,7 +45,8 @@ pub(crate) fn step_over<V: Value>(
     }
 }
 
-/// Steps over what stands in front of the values of a leaf; returns the number of further buffers behind them.
+/// Steps over what stands in front of the values of a leaf; returns the number of further buffers
+/// behind them.
 #[inline]
 fn enter(cursor: &mut Cursor<'_>, encoding: &Encoding, layout: LeafLayout) -> Result<u8, Fault> {
     // The mask stands here a second time.
@@ -74,8 +75,8 @@ fn skip_old_buffers<V: Value>(
     Ok(())
 }
 
-/// Reads all leaf buffers, which begin at `start`, and returns the tree with its leaves sorted. Decodes on the current rayon pool,
-/// one window of bytes after the other.
+/// Reads all leaf buffers, which begin at `start`, and returns the tree with its leaves sorted.
+/// Decodes on the current rayon pool, one window of bytes after the other.
 pub(crate) fn read<V: Value>(
     window: &mut Window<'_>,
     start: u64,
@@ -93,7 +94,8 @@ pub(crate) fn read<V: Value>(
         leaves.iter().enumerate().map(|(index, leaf)| (leaf.origin, index)).collect();
     order.sort_unstable();
 
-    // Zeroed memory comes from the system untouched, so each page is first written by the task that decodes into it.
+    // Zeroed memory comes from the system untouched, so each page is first written by the task that
+    // decodes into it.
     let mut values = vec![V::default(); leaves.len() * LEAF_VALUES];
     let mut slots: Vec<&mut [V]> = Vec::new();
     slots.resize_with(leaves.len(), Default::default);

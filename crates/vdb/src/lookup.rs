@@ -3,7 +3,8 @@
 use crate::tree::{Coord, LEAF_VALUES, TILE_SIZES, Tree, leaf_offset};
 
 impl<T: Copy + PartialEq> Tree<T> {
-    /// Value of a voxel and whether it is active. Costs up to four binary searches; see [`Tree::accessor`] for many voxels.
+    /// Value of a voxel and whether it is active. Costs up to four binary searches; see
+    /// [`Tree::accessor`] for many voxels.
     pub fn value(&self, ijk: Coord) -> (T, bool) {
         self.accessor().value(ijk)
     }

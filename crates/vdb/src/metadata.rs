@@ -153,8 +153,9 @@ impl Metadata {
         Metadata { items }
     }
 
-    /// Reads a count, then name, type name, length and value of each item. The block sizes that OpenVDB keeps for its delayed
-    /// loading (type `__delayedload`) are of no use to a reader that scans, and are dropped like all types with that prefix.
+    /// Reads a count, then name, type name, length and value of each item. The block sizes that
+    /// OpenVDB keeps for its delayed loading (type `__delayedload`) are of no use to a reader that
+    /// scans, and are dropped like all types with that prefix.
     pub(crate) fn read(cursor: &mut Cursor<'_>) -> Result<Metadata, Fault> {
         let count = cursor.u32("the number of metadata items")?;
         cursor.check_count(count.into(), 12, "metadata items")?;

@@ -49,7 +49,8 @@ pub(crate) struct Packed<'a, V> {
 }
 
 impl<'a, V: Value> Packed<'a, V> {
-    /// Finds the values of a node with `total` values, `active` of them active, and steps over them.
+    /// Finds the values of a node with `total` values, `active` of them active, and steps over
+    /// them.
     #[inline]
     pub(crate) fn read(
         cursor: &mut Cursor<'a>,
@@ -105,7 +106,8 @@ impl<'a, V: Value> Packed<'a, V> {
         self.plain
     }
 
-    /// Unpacks into `out`, which has as many values as the node. `mask` is its active mask, 64 bits a word.
+    /// Unpacks into `out`, which has as many values as the node. `mask` is its active mask, 64 bits
+    /// a word.
     pub(crate) fn unpack(
         &self,
         decoder: &mut Decoder<V>,

@@ -22,7 +22,8 @@ const MAGIC: i64 = 0x5644_4220;
 /// Versions of the file format that are read: from compression per file to half grids.
 const VERSIONS: std::ops::RangeInclusive<u32> = 220..=225;
 
-/// An OpenVDB file: its header and what it says about its grids. Voxels are read by [`VdbFile::read`].
+/// An OpenVDB file: its header and what it says about its grids. Voxels are read by
+/// [`VdbFile::read`].
 #[derive(Debug)]
 pub struct VdbFile {
     source: Source,
@@ -74,12 +75,14 @@ impl Header {
 }
 
 impl VdbFile {
-    /// Reads header and grid list of a file, not its voxels. The file is opened again for each grid that is read, so it must not
-    /// change meanwhile. Only a file without grid offsets (one written to a stream) is read whole and kept in memory.
+    /// Reads header and grid list of a file, not its voxels. The file is opened again for each grid
+    /// that is read, so it must not change meanwhile. Only a file without grid offsets (one written
+    /// to a stream) is read whole and kept in memory.
     ///
     /// # Errors
-    /// [`Error::Io`] when the file cannot be read; [`Error::Unsupported`] when it is no VDB file or of another format version than
-    /// 220 to 225; [`Error::Invalid`] when header, metadata or transforms are damaged.
+    /// [`Error::Io`] when the file cannot be read; [`Error::Unsupported`] when it is no VDB file or
+    /// of another format version than 220 to 225; [`Error::Invalid`] when header, metadata or
+    /// transforms are damaged.
     pub fn open(path: impl AsRef<Path>) -> Result<VdbFile, Error> {
         let path = path.as_ref().to_owned();
         let place = Place { file: path.display().to_string(), grid: None, offset: None };
@@ -136,8 +139,9 @@ impl VdbFile {
         &self.grids
     }
 
-    /// Position in [`VdbFile::grids`] of the grid of that name. `density` finds the first of several, `density[1]` the one with
-    /// that number; a name that itself ends in brackets is found too and goes first.
+    /// Position in [`VdbFile::grids`] of the grid of that name. `density` finds the first of
+    /// several, `density[1]` the one with that number; a name that itself ends in brackets is found
+    /// too and goes first.
     ///
     /// # Errors
     /// [`Error::Missing`], which lists the names that exist.
@@ -165,14 +169,17 @@ impl VdbFile {
         })
     }
 
-    /// Reads the voxels of the grid at a position of [`VdbFile::grids`]: its bytes once, decoded on the current rayon pool.
+    /// Reads the voxels of the grid at a position of [`VdbFile::grids`]: its bytes once, decoded on
+    /// the current rayon pool.
     ///
-    /// Takes 512 values per leaf and little else, for the bytes pass through a window of 1 MiB. An instance reads the tree of its parent. A frustum
-    /// transform is no obstacle here, only to [`Transform::matrix`](crate::Transform::matrix).
+    /// Takes 512 values per leaf and little else, for the bytes pass through a window of 1 MiB. An
+    /// instance reads the tree of its parent. A frustum transform is no obstacle here, only to
+    /// [`Transform::matrix`](crate::Transform::matrix).
     ///
     /// # Errors
-    /// [`Error::Missing`] when there is no such position; [`Error::Unsupported`] for other voxel types than those of
-    /// [`Values`]; [`Error::Invalid`] when the bytes are damaged; [`Error::Io`].
+    /// [`Error::Missing`] when there is no such position; [`Error::Unsupported`] for other voxel
+    /// types than those of [`Values`]; [`Error::Invalid`] when the bytes are damaged;
+    /// [`Error::Io`].
     pub fn read(&self, grid: usize) -> Result<Grid, Error> {
         let Some(info) = self.grids.get(grid) else {
             return Err(Error::Missing {

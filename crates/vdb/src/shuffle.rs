@@ -1,6 +1,7 @@
 //! Undoes the byte and bit transpositions that Blosc applies before compression.
 
-/// Undoes the byte shuffle: plane `j` of `src` holds byte `j` of every element. Bytes behind the last whole element stay put.
+/// Undoes the byte shuffle: plane `j` of `src` holds byte `j` of every element. Bytes behind the
+/// last whole element stay put.
 pub(crate) fn unshuffle(type_size: usize, src: &[u8], dst: &mut [u8]) {
     let count = src.len().min(dst.len()) / type_size.max(1);
     let (planes, tail) = src.split_at(count * type_size);
@@ -31,8 +32,9 @@ pub(crate) fn unshuffle(type_size: usize, src: &[u8], dst: &mut [u8]) {
     }
 }
 
-/// Undoes the bit shuffle: row `8 j + k` of `src` holds bit `k` of byte `j` of every element, eight elements a byte. Blosc leaves
-/// blocks whose number of elements is no multiple of eight, and bytes behind the last element, as they are.
+/// Undoes the bit shuffle: row `8 j + k` of `src` holds bit `k` of byte `j` of every element, eight
+/// elements a byte. Blosc leaves blocks whose number of elements is no multiple of eight, and bytes
+/// behind the last element, as they are.
 pub(crate) fn bit_unshuffle(type_size: usize, src: &[u8], dst: &mut [u8]) {
     let type_size = type_size.max(1);
     let count = src.len().min(dst.len()) / type_size;
@@ -46,7 +48,8 @@ pub(crate) fn bit_unshuffle(type_size: usize, src: &[u8], dst: &mut [u8]) {
     rest.iter_mut().zip(tail).for_each(|(to, from)| *to = *from);
     for (group, out) in body.chunks_exact_mut(8 * type_size).enumerate() {
         for byte in 0..type_size {
-            // Eight rows of one byte each form an 8 x 8 bit matrix whose transpose is this byte of eight elements.
+            // Eight rows of one byte each form an 8 x 8 bit matrix whose transpose is this byte of
+            // eight elements.
             let mut bits = 0u64;
             for bit in 0..8 {
                 let value = planes.get((8 * byte + bit) * row + group).copied().unwrap_or(0);

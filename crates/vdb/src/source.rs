@@ -12,7 +12,8 @@ use crate::error::{Error, Fault, Place};
 const HEADER_WINDOW: u64 = 1 << 14;
 /// Most bytes that a header (names, metadata and transform of one grid) may take.
 const LARGEST_HEADER: u64 = 1 << 27;
-/// Bytes of leaf buffers that are held at once. Small enough to be reused from the cache, large enough to keep all cores busy.
+/// Bytes of leaf buffers that are held at once. Small enough to be reused from the cache, large
+/// enough to keep all cores busy.
 const LEAF_WINDOW: u64 = 1 << 20;
 
 /// The bytes of a file, on disk or in memory.
@@ -68,7 +69,8 @@ impl Source {
         self.parse_named(start, read).map_err(|failure| failure.into_error(&self.name, grid))
     }
 
-    /// Parses what begins at `start`, of which only so much is read from disk as the parser turns out to need.
+    /// Parses what begins at `start`, of which only so much is read from disk as the parser turns
+    /// out to need.
     pub(crate) fn parse_named<T>(
         &self,
         start: u64,
@@ -146,7 +148,8 @@ pub(crate) struct Window<'s> {
 }
 
 impl<'s> Window<'s> {
-    /// The window on `start..end` (cut at the end of the file) that at first shows the bytes up to `first`.
+    /// The window on `start..end` (cut at the end of the file) that at first shows the bytes up to
+    /// `first`.
     pub(crate) fn open(
         source: &'s Source,
         grid: &'s str,
@@ -213,7 +216,8 @@ impl<'s> Window<'s> {
         Cursor::new(&self.bytes, self.base).at(at)
     }
 
-    /// Tries to parse from `offset` on, with more and more bytes shown as long as the parser asks for them.
+    /// Tries to parse from `offset` on, with more and more bytes shown as long as the parser asks
+    /// for them.
     pub(crate) fn parse<T>(
         &mut self,
         offset: u64,

@@ -1,4 +1,5 @@
-//! Small files made up byte by byte, for versions and oddities that no library at hand writes. Tests only.
+//! Small files made up byte by byte, for versions and oddities that no library at hand writes.
+//! Tests only.
 
 use std::io::Write;
 
@@ -7,8 +8,8 @@ use crate::grid::{ValueType, Values};
 use crate::tree::Tree;
 use crate::{Error, VdbFile};
 
-/// A grid to be written: a tree of one leaf at the origin (value `i` in voxel `i`, even ones active), a tile of 8 with value 600
-/// beside it, and a tile of 128 with value 700.
+/// A grid to be written: a tree of one leaf at the origin (value `i` in voxel `i`, even ones
+/// active), a tile of 8 with value 600 beside it, and a tile of 128 with value 700.
 struct Made {
     name: &'static str,
     type_name: &'static str,

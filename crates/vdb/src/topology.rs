@@ -1,4 +1,5 @@
-//! The nodes of a tree: root, two internal levels, and the masks of the leaves, which the file stores before all voxel values.
+//! The nodes of a tree: root, two internal levels, and the masks of the leaves, which the file
+//! stores before all voxel values.
 
 use crate::cursor::Cursor;
 use crate::error::Fault;

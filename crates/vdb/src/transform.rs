@@ -76,8 +76,8 @@ fn scale_translate(scale: [f64; 3], translation: [f64; 3]) -> [[f64; 4]; 4] {
 }
 
 impl Transform {
-    /// The affine map of a matrix: row-major, for row vectors, so `world = [i, j, k, 1] * matrix` and the translation is the
-    /// last row.
+    /// The affine map of a matrix: row-major, for row vectors, so `world = [i, j, k, 1] * matrix`
+    /// and the translation is the last row.
     pub fn from_matrix(matrix: [[f64; 4]; 4]) -> Transform {
         let place = Place { file: "(memory)".into(), grid: None, offset: None };
         Transform { kind: TransformKind::Affine, matrix, place }
@@ -88,7 +88,8 @@ impl Transform {
         self.kind
     }
 
-    /// The matrix from index to world space, row-major, for row vectors: `world = [i, j, k, 1] * matrix`.
+    /// The matrix from index to world space, row-major, for row vectors:
+    /// `world = [i, j, k, 1] * matrix`.
     ///
     /// # Errors
     /// [`Error::Unsupported`] for a frustum, which no matrix can express.
@@ -115,7 +116,8 @@ impl Transform {
     /// The inverse matrix, from world units to voxels, in the same convention.
     ///
     /// # Errors
-    /// [`Error::Unsupported`] for a frustum, [`Error::Invalid`] when the matrix has no finite inverse.
+    /// [`Error::Unsupported`] for a frustum, [`Error::Invalid`] when the matrix has no finite
+    /// inverse.
     pub fn world_to_index(&self) -> Result<[[f64; 4]; 4], Error> {
         invert_affine(&self.matrix()?).ok_or_else(|| Error::Invalid {
             place: self.place.clone(),
@@ -147,7 +149,8 @@ impl Transform {
         let start = cursor.offset();
         let (kind, matrix) = read_map(cursor)?;
         if kind == TransformKind::Frustum {
-            // Box of the frustum (whole numbers before version 221), taper, depth, then the map of its near plane.
+            // Box of the frustum (whole numbers before version 221), taper, depth, then the map of
+            // its near plane.
             let bytes = if version < 221 { 6 * 4 } else { 6 * 8 } + 2 * 8;
             cursor.take(bytes, "a frustum map")?;
             let second = cursor.offset();

@@ -8,8 +8,9 @@ pub const LEAF_VALUES: usize = 512;
 
 /// A leaf node: where it is and which of its voxels are active.
 ///
-/// Its values stand in [`Tree::values`] at `index * 512 ..`, z fastest: the value of voxel `(x, y, z)` is at
-/// `(x & 7) << 6 | (y & 7) << 3 | (z & 7)`, bit `offset & 63` of `mask[offset >> 6]` tells whether it is active.
+/// Its values stand in [`Tree::values`] at `index * 512 ..`, z fastest: the value of voxel
+/// `(x, y, z)` is at `(x & 7) << 6 | (y & 7) << 3 | (z & 7)`, bit `offset & 63` of
+/// `mask[offset >> 6]` tells whether it is active.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Leaf {
     /// Smallest index coordinate of the leaf, a multiple of 8 per axis.
@@ -31,10 +32,11 @@ pub struct Tile<T> {
     pub active: bool,
 }
 
-/// All values of a grid. Voxels that no leaf and no tile covers have the background value and are inactive.
+/// All values of a grid. Voxels that no leaf and no tile covers have the background value and are
+/// inactive.
 ///
-/// Leaves and tiles are sorted by origin (x, then y, then z) and do not overlap. Inactive tiles that hold the background
-/// value are left out.
+/// Leaves and tiles are sorted by origin (x, then y, then z) and do not overlap. Inactive tiles
+/// that hold the background value are left out.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tree<T> {
     pub(crate) background: T,
@@ -69,7 +71,8 @@ impl<T> Tree<T> {
 impl<T: Copy + PartialEq> Tree<T> {
     /// A tree of leaves alone: origin, values (z fastest) and active mask of each, in any order.
     ///
-    /// Origins are rounded down to multiples of 8; of several leaves with one origin the last stays.
+    /// Origins are rounded down to multiples of 8; of several leaves with one origin the last
+    /// stays.
     pub fn from_leaves(
         background: T,
         leaves: impl IntoIterator<Item = (Coord, [T; LEAF_VALUES], [u64; 8])>,
@@ -87,11 +90,13 @@ impl<T: Copy + PartialEq> Tree<T> {
         tree
     }
 
-    /// A tree of a box of voxels that begins at `min` and has `size` voxels per axis; `values` runs over z fastest, then y. Values
-    /// that differ from the background become active; leaves without any are left out.
+    /// A tree of a box of voxels that begins at `min` and has `size` voxels per axis; `values` runs
+    /// over z fastest, then y. Values that differ from the background become active; leaves without
+    /// any are left out.
     ///
     /// # Panics
-    /// When `values` has another length than the product of `size`, or the box leaves the range of coordinates.
+    /// When `values` has another length than the product of `size`, or the box leaves the range of
+    /// coordinates.
     pub fn from_dense(background: T, min: Coord, size: [usize; 3], values: &[T]) -> Tree<T> {
         assert_eq!(values.len(), size.iter().product::<usize>(), "one value per voxel");
         let mut leaves = std::collections::BTreeMap::new();
@@ -114,10 +119,11 @@ impl<T: Copy + PartialEq> Tree<T> {
         Tree::from_leaves(background, leaves.into_iter().map(|(o, (v, m))| (o, v, m)))
     }
 
-    /// The same tree with these tiles instead of its own. Inactive ones that hold the background are dropped.
+    /// The same tree with these tiles instead of its own. Inactive ones that hold the background
+    /// are dropped.
     ///
-    /// Origins are rounded down to multiples of the tiles' size; the caller sees to it that they overlap neither each other nor
-    /// leaves.
+    /// Origins are rounded down to multiples of the tiles' size; the caller sees to it that they
+    /// overlap neither each other nor leaves.
     ///
     /// # Panics
     /// When a size is none of 3, 7 and 12.

@@ -7,7 +7,8 @@ use half::slice::HalfFloatSliceExt;
 pub(crate) trait Value: Copy + PartialEq + Default + Send + Sync + 'static {
     /// Bytes of one value.
     const SIZE: usize;
-    /// Bytes of one value in a grid that was saved as half, for types of which OpenVDB narrows the buffers.
+    /// Bytes of one value in a grid that was saved as half, for types of which OpenVDB narrows the
+    /// buffers.
     const HALF_SIZE: Option<usize>;
     /// One value; missing bytes count as zero.
     fn from_bytes(bytes: &[u8]) -> Self;
@@ -107,7 +108,8 @@ impl Value for f64 {
     }
 }
 
-/// Values of the half grids of file version 225: two bytes everywhere, also for background and tiles.
+/// Values of the half grids of file version 225: two bytes everywhere, also for background and
+/// tiles.
 impl Value for f16 {
     const SIZE: usize = 2;
     const HALF_SIZE: Option<usize> = None;

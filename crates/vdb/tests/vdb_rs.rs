@@ -1,4 +1,5 @@
-//! Compares with the `vdb-rs` crate on the float grids that it reads right: the active values of both must be the same.
+//! Compares with the `vdb-rs` crate on the float grids that it reads right: the active values of
+//! both must be the same.
 
 use std::collections::BTreeMap;
 use std::io::Cursor;
@@ -6,8 +7,9 @@ use std::path::Path;
 
 use pileus_vdb::{Coord, Grid, Values, VdbFile, from_vdb_rs};
 
-/// Files of the conformance set and grids in them of which version 0.6.0 of `vdb-rs` reads all active values right. On the others
-/// it panics, aborts the process, refuses, or gives wrong values: see `docs/decisions/0001-own-vdb-reader.md`.
+/// Files of the conformance set and grids in them of which version 0.6.0 of `vdb-rs` reads all
+/// active values right. On the others it panics, aborts the process, refuses, or gives wrong
+/// values: see `docs/decisions/0001-own-vdb-reader.md`.
 const READ_RIGHT: [(&str, &str); 27] = [
     ("empty_with_density", "density"),
     ("empty_with_density", "empty_bg"),

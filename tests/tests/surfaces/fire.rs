@@ -25,8 +25,9 @@ fn fire_that_draws_paths_is_fire_by_paths() {
     assert_same("fire", &both, &paths);
 }
 
-/// Two fires in smoke that scatters, grey and per channel, beside a lamp, a sun, constant light and rough glass: paths that are drawn to fires, weighted against shadow rays to the other
-/// lights, give what paths alone do.
+/// Two fires in smoke that scatters, grey and per channel, beside a lamp, a sun, constant light and
+/// rough glass: paths that are drawn to fires, weighted against shadow rays to the other lights,
+/// give what paths alone do.
 #[test]
 fn fires_draw_paths_beside_all_other_light() {
     let mut rough = glass(1.4);
@@ -54,7 +55,8 @@ fn fires_draw_paths_beside_all_other_light() {
     }
 }
 
-/// A ball of 32^3 voxels around `centre` of radius `radius`, with extinction `sigma_t` and emission `color` per length.
+/// A ball of 32^3 voxels around `centre` of radius `radius`, with extinction `sigma_t` and emission
+/// `color` per length.
 fn ball(centre: DVec3, radius: f64, sigma_t: f32, albedo: f32, color: [f32; 3]) -> Volume {
     let values: Vec<f32> = (0..32 * 32 * 32)
         .map(|i| {
@@ -84,8 +86,9 @@ fn ball(centre: DVec3, radius: f64, sigma_t: f32, albedo: f32, color: [f32; 3]) 
     }
 }
 
-/// A glowing ball over a diffuse floor. Light falls off as from its centre, as gravity does: irradiance is `j V cos / r^2` for emission `j` of volume `V`. By paths
-/// that are drawn to it, and by paths alone.
+/// A glowing ball over a diffuse floor. Light falls off as from its centre, as gravity does:
+/// irradiance is `j V cos / r^2` for emission `j` of volume `V`. By paths that are drawn to it, and
+/// by paths alone.
 #[test]
 fn a_glowing_ball_lights_a_floor_by_newtons_law() {
     let centre = DVec3::new(0.2, 0.8, -0.1);
@@ -121,7 +124,8 @@ fn check_floor(scene: &Scene, image: &Rendered, centre: DVec3, v: f64) {
         [2.0 * e, e, 0.5 * e]
     });
 }
-/// A cube that glows and absorbs: `e / sigma_t (1 - exp(-sigma_t d))` along every ray, and what is behind it. In front of a wall half way through, too.
+/// A cube that glows and absorbs: `e / sigma_t (1 - exp(-sigma_t d))` along every ray, and what is
+/// behind it. In front of a wall half way through, too.
 #[test]
 fn a_glowing_cube_is_the_closed_form() {
     for (k, sigma_t) in [[2.0f32; 3], [3.0, 0.7, 0.0], [0.0; 3]].into_iter().enumerate() {

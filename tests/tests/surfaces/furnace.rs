@@ -44,8 +44,9 @@ fn white_diffuse_surfaces_in_media_that_scatter() {
     assert_one("two that overlap", &rendered(&two, &settings(96, 3)), ROUNDING, 5e-3);
 }
 
-/// A ball of smooth glass and one of rough white metal in a medium that only scatters. Glass is exact; metal loses what the table of its albedo
-/// interpolates, which the tests of the BSDF hold below 2e-3 a bounce.
+/// A ball of smooth glass and one of rough white metal in a medium that only scatters. Glass is
+/// exact; metal loses what the table of its albedo interpolates, which the tests of the BSDF hold
+/// below 2e-3 a bounce.
 #[test]
 fn glass_and_metal_in_media_that_scatter() {
     let medium = || vec![lumpy_grid(1.0, [1.0; 3], [1.0; 3], hg(0.5))];
@@ -80,8 +81,9 @@ fn glass_that_scatters_inside() {
     }
 }
 
-/// Everything at one temperature: bodies give off what they absorb (Kirchhoff), light is one everywhere. Lamps, fire, media and surfaces at once, by shadow
-/// rays and paths, and by paths alone; grey and per channel.
+/// Everything at one temperature: bodies give off what they absorb (Kirchhoff), light is one
+/// everywhere. Lamps, fire, media and surfaces at once, by shadow rays and paths, and by paths
+/// alone; grey and per channel.
 #[test]
 fn thermal_equilibrium() {
     let mut meshes = Vec::new();

@@ -17,7 +17,8 @@ fn straight(color: [f32; 3]) -> Value {
     material
 }
 
-/// Absorption inside is Beer-Lambert, in every sample (one channel is clear: no path is played roulette); of two bodies inside each other the inner one counts.
+/// Absorption inside is Beer-Lambert, in every sample (one channel is clear: no path is played
+/// roulette); of two bodies inside each other the inner one counts.
 #[test]
 fn absorption_inside_is_beer_lambert() {
     let (color, core) = ([0.2f32, 0.5, 1.0], [0.9f32, 0.3, 1.0]);
@@ -53,8 +54,8 @@ fn absorption_inside_is_beer_lambert() {
     }
 }
 
-/// A camera inside of bodies, and bodies that overlap: what was entered last counts until its own surface is left. Nested bodies around the camera count the
-/// inner one first.
+/// A camera inside of bodies, and bodies that overlap: what was entered last counts until its own
+/// surface is left. Nested bodies around the camera count the inner one first.
 #[test]
 fn bodies_are_left_by_their_own_surface() {
     let colors = [[0.2f32, 0.5, 1.0], [0.9f32, 0.3, 0.6]];
@@ -111,7 +112,8 @@ fn interior(surfaces: &Surfaces) -> Interior {
     surfaces.interaction(&hit, down).interior.unwrap()
 }
 
-/// A body of index one that scatters inside is the same medium as a volume: a floor below both, a bright spot in the sky.
+/// A body of index one that scatters inside is the same medium as a volume: a floor below both, a
+/// bright spot in the sky.
 #[test]
 fn scattering_inside_is_a_homogeneous_medium() {
     for (k, (color, scatter)) in
@@ -152,8 +154,9 @@ fn scattering_inside_is_a_homogeneous_medium() {
     }
 }
 
-/// Bodies that shadow rays can cross, rough glass and wax (diffuse transmission), absorb and scatter inside: shadow rays through their skin towards lamps, a sun and a
-/// sky outside, and from outside to a lamp inside, find what paths alone find.
+/// Bodies that shadow rays can cross, rough glass and wax (diffuse transmission), absorb and
+/// scatter inside: shadow rays through their skin towards lamps, a sun and a sky outside, and from
+/// outside to a lamp inside, find what paths alone find.
 #[test]
 fn shadow_rays_through_the_skin_of_bodies() {
     let volume = |color: [f32; 3]| json!({"thicknessFactor": 1.0, "attenuationDistance": 0.3, "attenuationColor": color});

@@ -21,7 +21,8 @@ fn square(up: bool) -> Triangles {
     quad([-0.6, 1.0, -0.4], a, b)
 }
 
-/// What a Lambertian floor of albedo 0.6 shows of black lamps of radiance [`COLOR`], by Lambert's formula over all triangles that face it.
+/// What a Lambertian floor of albedo 0.6 shows of black lamps of radiance [`COLOR`], by Lambert's
+/// formula over all triangles that face it.
 fn check_floor(what: &str, scene: &Scene, triangles: &Triangles, settings: &RenderSettings) {
     let image = rendered(scene, settings);
     let triangles: Vec<[DVec3; 3]> =
@@ -78,8 +79,8 @@ fn backs_of_lamps() {
     }
 }
 
-/// A lamp in fog that scatters, over a floor: shadow rays and paths together give what paths alone do, grey and per channel; and through fog that absorbs alone it
-/// is seen by Beer-Lambert.
+/// A lamp in fog that scatters, over a floor: shadow rays and paths together give what paths alone
+/// do, grey and per channel; and through fog that absorbs alone it is seen by Beer-Lambert.
 #[test]
 fn lamps_in_fog() {
     for (k, sigma_t) in [[0.8f32; 3], [1.2, 0.6, 0.1]].into_iter().enumerate() {

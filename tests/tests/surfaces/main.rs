@@ -1,4 +1,5 @@
-//! Surfaces and light from volumes in whole pictures: closed forms, furnaces, techniques against each other.
+//! Surfaces and light from volumes in whole pictures: closed forms, furnaces, techniques against
+//! each other.
 
 mod fire;
 mod furnace;
@@ -37,7 +38,8 @@ pub fn floor_scene(meshes: &[(Triangles, Value)]) -> Scene {
     scene
 }
 
-/// Irradiance over radiance at a point of normal `n` from a convex polygon above its horizon [Lambert 1760].
+/// Irradiance over radiance at a point of normal `n` from a convex polygon above its horizon
+/// [Lambert 1760].
 pub fn form_factor_pi(p: DVec3, n: DVec3, polygon: &[DVec3]) -> f64 {
     let corners: Vec<DVec3> = polygon.iter().map(|v| (*v - p).normalize()).collect();
     let sum: f64 = (0..corners.len())
@@ -50,7 +52,8 @@ pub fn form_factor_pi(p: DVec3, n: DVec3, polygon: &[DVec3]) -> f64 {
     0.5 * sum.abs()
 }
 
-/// Rays that leave a floor at height zero, which no coordinate of its own keeps them off, do not hit it.
+/// Rays that leave a floor at height zero, which no coordinate of its own keeps them off, do not
+/// hit it.
 #[test]
 fn rays_leave_planes_through_the_origin() {
     use pileus_media::random::uniform;

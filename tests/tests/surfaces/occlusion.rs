@@ -30,7 +30,8 @@ fn black(alpha: f32, mode: &str) -> Value {
     material
 }
 
-/// Opaque sheets and masks above the cutoff shade fully, masks below it not at all, and blends let one minus alpha through.
+/// Opaque sheets and masks above the cutoff shade fully, masks below it not at all, and blends let
+/// one minus alpha through.
 #[test]
 fn sheets_shade_smoke_by_their_alpha() {
     let by = |scene: &Scene, seed| rendered(scene, &settings(64, seed));
@@ -48,7 +49,8 @@ fn sheets_shade_smoke_by_their_alpha() {
     for (alpha, mode, passes) in
         [(0.4, "MASK", 1.0), (0.0, "BLEND", 1.0), (0.5, "BLEND", 0.5), (0.75, "BLEND", 0.25)]
     {
-        // The sheet takes from paths that scatter up and leave nothing: there is no light but the sun's.
+        // The sheet takes from paths that scatter up and leave nothing: there is no light but the
+        // sun's.
         let image = by(&smoke(1.0 / passes, Some(black(alpha, mode))), 3);
         assert_same(&format!("{mode} {alpha}"), &open, &image);
     }
@@ -95,7 +97,8 @@ fn no_bounces_show_what_shines() {
     }
 }
 
-/// One bounce: a floor beside a wall sees the sky that the wall leaves, and nothing of the light that the wall would reflect; with two it sees more.
+/// One bounce: a floor beside a wall sees the sky that the wall leaves, and nothing of the light
+/// that the wall would reflect; with two it sees more.
 #[test]
 fn one_bounce_is_single_scattering_off_surfaces() {
     // Behind what the camera sees of the floor, facing it.

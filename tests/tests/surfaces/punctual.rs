@@ -9,7 +9,8 @@ use pileus_scene::{Light, Point, Scene, Spot};
 use pileus_tests::*;
 use std::f64::consts::PI;
 
-/// Inverse square, cosine, glTF's falloff; each light alone, and all together, which tests the choice among them.
+/// Inverse square, cosine, glTF's falloff; each light alone, and all together, which tests the
+/// choice among them.
 #[test]
 fn punctual_lights_are_the_closed_forms() {
     let at = DVec3::new(0.3, 0.6, -0.2);
@@ -57,7 +58,8 @@ fn punctual_lights_are_the_closed_forms() {
                 for x in 0..64 {
                     for (c, e) in ["R", "G", "B"].into_iter().zip(expected(x, y)) {
                         let found = f64::from(image.image.get(c, x, y).unwrap());
-                        // The filter is 1e-4 of a pixel wide: steps of a spot's falloff, and single precision.
+                        // The filter is 1e-4 of a pixel wide: steps of a spot's falloff, and single
+                        // precision.
                         assert!(
                             (found - e).abs() < 1e-4 * e + 1e-6,
                             "{kinds:?} {x} {y}: {found} {e}"
@@ -110,7 +112,8 @@ fn many_punctual_lights_are_the_closed_forms() {
     assert_expected("many lights", &rendered(&scene, &point_filter(256, 11)), expected);
 }
 
-/// Points at equal angles beside flights, where surfaces end rays, cast shadows and light the smoke, and where a lamp has to be weighted, too: the picture of flights alone.
+/// Points at equal angles beside flights, where surfaces end rays, cast shadows and light the
+/// smoke, and where a lamp has to be weighted, too: the picture of flights alone.
 #[test]
 fn equal_angles_among_surfaces() {
     let smoke = lumpy_grid(1.2, [0.4; 3], [0.9, 0.8, 0.7], Phase::henyey_greenstein(0.4));

@@ -15,14 +15,16 @@ use pileus_media::Spectrum;
 use pileus_media::phase::ISOTROPIC;
 use pileus_media::random::{happens, uniform};
 
-/// A shadow ray is certain if the lights' importance times the throughput is at least this; below it undergoes Russian roulette. Importance
-/// one is what isotropic scattering gives.
+/// A shadow ray is certain if the lights' importance times the throughput is at least this; below
+/// it undergoes Russian roulette. Importance one is what isotropic scattering gives.
 const SHADOW_IMPORTANCE: f32 = 1.0;
 
-/// Shadow rays that are sent with less than this probability are decided by numbers of full precision.
+/// Shadow rays that are sent with less than this probability are decided by numbers of full
+/// precision.
 const MIN_STRATIFIED_SURVIVAL: f32 = 1.0 / 4096.0;
 
-/// Shadow walks whose product of transmittance and importance falls below this undergo Russian roulette.
+/// Shadow walks whose product of transmittance and importance falls below this undergo Russian
+/// roulette.
 pub(super) const SHADOW_ROULETTE: f32 = 0.3;
 
 /// What of a shadow ray's way no medium decides.
@@ -36,8 +38,10 @@ struct Way {
 impl<M: Media, W: World> Kernel<'_, M, W> {
     /// Adds the radiance scattered at a vertex from one light.
     ///
-    /// `place`: the vertex's position, what of the ray that came there equiangular points cover, and the medium that scatters. `strongest`: largest channel of
-    /// the throughput; `u`: numbers for the choice of the light and of sending a ray. `mixture`: how paths that go on from here are drawn to emissive volumes.
+    /// `place`: the vertex's position, what of the ray that came there equiangular points cover,
+    /// and the medium that scatters. `strongest`: largest channel of the throughput; `u`: numbers
+    /// for the choice of the light and of sending a ray. `mixture`: how paths that go on from here
+    /// are drawn to emissive volumes.
     #[inline(always)]
     pub(super) fn add_direct_light<V: PathVertex, R: Recorder>(
         &self,
@@ -62,7 +66,8 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         // The choice could not know where in an image the sample would lie; now it is known.
         let aimed = if light.everywhere { size / ISOTROPIC } else { 1.0 };
         let importance = choice.importance * strongest * aimed;
-        // What a surface sends on is as dark as its albedo: noise is judged by that, not by absolute light.
+        // What a surface sends on is as dark as its albedo: noise is judged by that, not by
+        // absolute light.
         let importance = if V::IN_MEDIUM { importance } else { importance.max(strongest) };
         let mut survival = (importance / SHADOW_IMPORTANCE).min(1.0);
         if V::IN_MEDIUM
@@ -92,7 +97,8 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         let threshold = (SHADOW_ROULETTE / (importance / survival)).min(0.5);
         let segment = RaySegment { ray: &ray, start: scattered_by, t_max: light.distance };
         recorder.shadow_ray(&ray, light.distance, threshold);
-        // A path that goes on towards the light carries the throughput behind the vertex: its decisions along the way are weighed by that.
+        // A path that goes on towards the light carries the throughput behind the vertex: its
+        // decisions along the way are weighed by that.
         let behind = path.beta * value;
         let shadow = match way.as_ref().and_then(|way| way.passage.as_ref()) {
             Some(passage) if self.media.starts_matter() => {
@@ -187,7 +193,8 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         Some(Way { attenuation, passage: None })
     }
 
-    /// Transmittance of what surfaces let through between `ray`'s origin and `distance`, outside of all interior media; `None` if nothing.
+    /// Transmittance of what surfaces let through between `ray`'s origin and `distance`, outside of
+    /// all interior media; `None` if nothing.
     pub(super) fn unhidden(
         &self,
         ray: &Ray,

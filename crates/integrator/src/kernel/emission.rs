@@ -9,15 +9,18 @@ use crate::media::{Media, RaySegment};
 use glam::Vec3;
 use pileus_media::random::uniform;
 
-/// Distance of the points on flights after the first, over that on the first: what is seen directly is worth more of them.
+/// Distance of the points on flights after the first, over that on the first: what is seen directly
+/// is worth more of them.
 const SPACING_AFTER_FIRST: f32 = 2.0;
 
 impl<M: Media, W: World> Kernel<'_, M, W> {
-    /// Adds the light of emissive volumes along a flight with throughput `beta` that ends at `t_end` (and would have ended at the segment's end at last).
+    /// Adds the light of emissive volumes along a flight with throughput `beta` that ends at
+    /// `t_end` (and would have ended at the segment's end at last).
     ///
-    /// Points lie at equal steps of a rate that bounds the emission's strength. Where flights end with the medium's own density and without weights, the points up
-    /// to the end are counted as they are: a flight survives to each with the transmittance. Else one of all points is drawn, and the transmittance to it
-    /// estimated.
+    /// Points lie at equal steps of a rate that bounds the emission's strength. Where flights end
+    /// with the medium's own density and without weights, the points up to the end are counted as
+    /// they are: a flight survives to each with the transmittance. Else one of all points is drawn,
+    /// and the transmittance to it estimated.
     #[inline(never)]
     pub(super) fn add_emission<R: Recorder>(
         &self,

@@ -1,4 +1,5 @@
-//! Equiangular points near point-like lights [Kulla and Fajardo 2012], weighted against flights by a density that stands for theirs.
+//! Equiangular points near point-like lights [Kulla and Fajardo 2012], weighted against flights by
+//! a density that stands for theirs.
 
 use super::Kernel;
 use super::direct::SHADOW_ROULETTE;
@@ -42,9 +43,10 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         }
     }
 
-    /// Weight of an equiangular point at `t` against a flight that ends there: the balance heuristic between the density of the points and that
-    /// of flights in a medium of typical extinction. A function of ray, light and `t` alone, the same for both techniques: whatever it is, the
-    /// sum of both is unbiased.
+    /// Weight of an equiangular point at `t` against a flight that ends there: the balance
+    /// heuristic between the density of the points and that of flights in a medium of typical
+    /// extinction. A function of ray, light and `t` alone, the same for both techniques: whatever
+    /// it is, the sum of both is unbiased.
     #[inline(never)]
     pub(super) fn equiangular_weight(
         &self,
@@ -62,7 +64,8 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         if pdf > 0.0 { pdf / (pdf + flights) } else { 0.0 }
     }
 
-    /// Sum over the point-like lights of what an interval of a ray receives: a light is chosen in proportion.
+    /// Sum over the point-like lights of what an interval of a ray receives: a light is chosen in
+    /// proportion.
     fn received_from_all(&self, ray: &Ray, interval: (f64, f64)) -> f64 {
         self.lights
             .positions()
@@ -71,7 +74,8 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
             .sum()
     }
 
-    /// Radiance scattered into a ray from one point-like light at one point seen from it at equal angles, with its weight against flights.
+    /// Radiance scattered into a ray from one point-like light at one point seen from it at equal
+    /// angles, with its weight against flights.
     fn equiangular_light<R: Recorder>(
         &self,
         ray: &Ray,
@@ -113,7 +117,8 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         recorder.counters().shadow_rays += 1;
         let to_light = Ray { origin: p, direction: sample.wi };
         let passed = self.unhidden(&to_light, sample.distance, sampler)?;
-        // The plan keeps transmittance functions that are not exponential away from these points: where rays start does not matter.
+        // The plan keeps transmittance functions that are not exponential away from these points:
+        // where rays start does not matter.
         let mut transmittance = |ray: &Ray, t_max| {
             recorder.shadow_ray(ray, t_max, SHADOW_ROULETTE);
             let segment = RaySegment { ray, start: None, t_max };

@@ -1,8 +1,12 @@
-//! Homogeneous media inside closed surfaces: what `KHR_materials_volume` and `KHR_materials_volume_scatter` describe.
+//! Homogeneous media inside closed surfaces: what `KHR_materials_volume` and
+//! `KHR_materials_volume_scatter` describe.
 //!
-//! A path remembers the bodies it is in; the one entered last counts, and each is forgotten when its own surface is left, so that bodies may be nested or overlap. Its own are the surfaces of its mesh
-//! with its material; where a body is left through a surface that nothing was entered by, the last of its mesh. Distances are drawn for one channel, chosen by throughput, and weighted by the balance
-//! heuristic over channels [Miller et al. 2019, section 5.3]: no channel's weight exceeds the number of channels.
+//! A path remembers the bodies it is in; the one entered last counts, and each is forgotten when
+//! its own surface is left, so that bodies may be nested or overlap. Its own are the surfaces of
+//! its mesh with its material; where a body is left through a surface that nothing was entered by,
+//! the last of its mesh. Distances are drawn for one channel, chosen by throughput, and weighted by
+//! the balance heuristic over channels [Miller et al. 2019, section 5.3]: no channel's weight
+//! exceeds the number of channels.
 
 use glam::{DVec3, Vec3};
 use pileus_math::elementary::exp;
@@ -53,8 +57,9 @@ impl MediumStack {
         MediumStack::default()
     }
 
-    /// The interior media around a point: those that a ray leaves without having entered them. Of three rays two have to agree, so that meshes which are not closed
-    /// and rays along edges do not count.
+    /// The interior media around a point: those that a ray leaves without having entered them. Of
+    /// three rays two have to agree, so that meshes which are not closed and rays along edges do
+    /// not count.
     pub(crate) fn around(surfaces: &Surfaces, p: DVec3) -> MediumStack {
         let [a, b, c] =
             [Vec3::new(0.36, 0.48, 0.8), Vec3::new(-0.8, 0.36, -0.48), Vec3::new(0.48, -0.8, 0.36)]
@@ -156,15 +161,16 @@ fn sigma_t(interior: &Interior) -> Vec3 {
     interior.sigma_a + interior.sigma_s
 }
 
-/// Transmittance per channel over a distance; of a body without extinction over any distance it is one.
+/// Transmittance per channel over a distance; of a body without extinction over any distance it is
+/// one.
 pub(crate) fn transmittance(interior: &Interior, distance: f64) -> Vec3 {
     Vec3::from_array(sigma_t(interior).to_array().map(|sigma_t| {
         if sigma_t > 0.0 { exp(-(f64::from(sigma_t) * distance) as f32) } else { 1.0 }
     }))
 }
 
-/// Flies inside a body up to `t_end`; the distance of a scattering, if there is one before. `beta`, the throughput, is multiplied by the weight of what happened,
-/// albedo included. Unbiased.
+/// Flies inside a body up to `t_end`; the distance of a scattering, if there is one before. `beta`,
+/// the throughput, is multiplied by the weight of what happened, albedo included. Unbiased.
 pub(crate) fn fly<R: Rng>(
     interior: &Interior,
     t_end: f64,
@@ -211,7 +217,8 @@ mod tests {
     use super::*;
     use rand_pcg::Pcg32;
 
-    /// What passes and what scatters, per channel, against closed forms. Null hypothesis: the means are exact; |z| < 5.5 on 18 means, false alarm 7e-7.
+    /// What passes and what scatters, per channel, against closed forms. Null hypothesis: the means
+    /// are exact; |z| < 5.5 on 18 means, false alarm 7e-7.
     #[test]
     fn flights_are_exact_per_channel() {
         let mut rng = Pcg32::new(5, 5);

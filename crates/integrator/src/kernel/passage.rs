@@ -28,8 +28,9 @@ pub(crate) struct Passage {
 }
 
 impl Passage {
-    /// Follows a ray that starts in `inside`, and on the surface `from` if that is one, up to `distance`; `None` if something stops it. What is there of
-    /// surfaces that blend is drawn, so the mean is exact.
+    /// Follows a ray that starts in `inside`, and on the surface `from` if that is one, up to
+    /// `distance`; `None` if something stops it. What is there of surfaces that blend is drawn, so
+    /// the mean is exact.
     pub(crate) fn along<R: Rng>(
         surfaces: &Surfaces,
         (ray, from): (&Ray, Option<&Interaction>),

@@ -1,7 +1,7 @@
 //! One path, from the camera to its end: flights, and what happens where they end.
 //!
-//! Where channels decouple ([`ChannelMode::DECOUPLES`]), a path is a tree of three branches at most: each channel is on one of them at any time, and a branch carries
-//! all that the path keeps.
+//! Where channels decouple ([`ChannelMode::DECOUPLES`]), a path is a tree of three branches at
+//! most: each channel is on one of them at any time, and a branch carries all that the path keeps.
 
 use super::interior;
 use super::limits::Cut;
@@ -26,8 +26,9 @@ const LONG_PATH_BOUNCES: u32 = 64;
 /// With this survival probability.
 const LONG_PATH_SURVIVAL: f32 = 0.95;
 
-/// Paths whose throughput has grown beyond this by directions drawn towards emissive volumes are drawn no more, so that the weights of long paths stay bounded: at
-/// surfaces, and in media, where there are many.
+/// Paths whose throughput has grown beyond this by directions drawn towards emissive volumes are
+/// drawn no more, so that the weights of long paths stay bounded: at surfaces, and in media, where
+/// there are many.
 const MAX_DRAWN_AT_SURFACES: f32 = 5.0;
 const MAX_DRAWN_IN_MEDIA: f32 = 1.5;
 
@@ -43,8 +44,9 @@ pub(crate) struct PathSample {
 pub(super) trait PathVertex {
     const IN_MEDIUM: bool;
 
-    /// For light that arrives from `wi`: the value (a phase function, or a BSDF times the cosine), one number that stands for it, and the density with which
-    /// paths are continued towards `wi`, 1/sr.
+    /// For light that arrives from `wi`: the value (a phase function, or a BSDF times the cosine),
+    /// one number that stands for it, and the density with which paths are continued towards `wi`,
+    /// 1/sr.
     fn eval(&self, wi: Vec3) -> (Vec3, f32, f32);
 
     /// A direction in which the path goes on; `None`: it ends.
@@ -59,7 +61,8 @@ pub(super) trait PathVertex {
     /// The surface that it is on.
     fn surface(&self) -> Option<&Interaction>;
 
-    /// The interior medium that a ray towards `wi` starts in, of a path that came in `interiors`: across a surface it is another.
+    /// The interior medium that a ray towards `wi` starts in, of a path that came in `interiors`:
+    /// across a surface it is another.
     fn interior<'a>(&'a self, interiors: &'a MediumStack, wi: Vec3) -> Option<&'a Interior>;
 
     /// All interior media that a ray towards `wi` starts in, of a path that came in `interiors`.
@@ -230,8 +233,10 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         PathSample { radiance, alpha: 1.0 - transmitted }
     }
 
-    /// Follows one branch of a path to its end, from the end of a flight on where it has decoupled from another; what decouples from it joins `branches`. Returns the light gathered, and what its first flight, if it met nothing,
-    /// lets through: the mean over channels of an unbiased estimate of the transmittance towards the background.
+    /// Follows one branch of a path to its end, from the end of a flight on where it has decoupled
+    /// from another; what decouples from it joins `branches`. Returns the light gathered, and what
+    /// its first flight, if it met nothing, lets through: the mean over channels of an unbiased
+    /// estimate of the transmittance towards the background.
     #[inline(always)]
     fn follow<'k, R: Recorder>(
         &'k self,
@@ -366,8 +371,8 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         (tracing.radiance, transmitted)
     }
 
-    /// Gathers light at a vertex at `p` and goes on from there; false if the path ends. `interval`: what of the ray there equiangular points cover; `scattered_by`:
-    /// the medium that scatters.
+    /// Gathers light at a vertex at `p` and goes on from there; false if the path ends. `interval`:
+    /// what of the ray there equiangular points cover; `scattered_by`: the medium that scatters.
     #[inline(always)]
     pub(super) fn scatter<'k, V: PathVertex, R: Recorder>(
         &'k self,
@@ -412,9 +417,11 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         if V::IN_MEDIUM {
             tracing.recorder.medium_interaction(p, path.beta, tracing.radiance);
         }
-        // Light that smooth glass reflects for ever loses nothing: long paths end by chance at surfaces, never in media, which let go of theirs.
+        // Light that smooth glass reflects for ever loses nothing: long paths end by chance at
+        // surfaces, never in media, which let go of theirs.
         let trapped = !V::IN_MEDIUM && path.bounces > LONG_PATH_BOUNCES;
-        // How much light a direction drawn by an emissive volume stands for says nothing of how much the path may still find.
+        // How much light a direction drawn by an emissive volume stands for says nothing of how
+        // much the path may still find.
         let strongest = if W::SURFACES { strongest / drawn } else { strongest };
         if strongest < ROULETTE_THROUGHPUT || trapped {
             let survival = strongest / ROULETTE_THROUGHPUT;
@@ -489,7 +496,8 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         true
     }
 
-    /// Why a limit cuts a path at a bounce at which it had to ask; `None` if it goes on, and when it has to ask next.
+    /// Why a limit cuts a path at a bounce at which it had to ask; `None` if it goes on, and when
+    /// it has to ask next.
     #[inline(always)]
     pub(super) fn cut(&self, path: &mut Path<'_, W::Carried>, tally: &Tally) -> Option<Cut> {
         let straight = W::of(&path.carried).map_or(0, |surfaces| surfaces.straight);
@@ -503,7 +511,8 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         }
     }
 
-    /// Radiance from infinity along an escaping ray, weighted against shadow rays where they cover it.
+    /// Radiance from infinity along an escaping ray, weighted against shadow rays where they cover
+    /// it.
     #[inline(always)]
     fn escape(&self, path: &Path<'_, W::Carried>, null_probability: Nulls<M>) -> Vec3 {
         let direction = path.ray.direction;
@@ -546,14 +555,15 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
     }
 }
 
-/// Balance heuristic of a path with density `pdf_path` against a shadow ray with `pdf_light`. Directions that were the only possible ones (`pdf` zero) no shadow
-/// ray stands for.
+/// Balance heuristic of a path with density `pdf_path` against a shadow ray with `pdf_light`.
+/// Directions that were the only possible ones (`pdf` zero) no shadow ray stands for.
 #[inline(always)]
 fn weight_of_path(pdf_path: f32, pdf: f32, pdf_light: f32) -> f32 {
     if pdf > 0.0 && pdf_light > 0.0 { pdf_path / (pdf_path + pdf_light) } else { 1.0 }
 }
 
-/// [`weight_of_path`] per channel of the throughput, from the probability of null decisions on the way.
+/// [`weight_of_path`] per channel of the throughput, from the probability of null decisions on the
+/// way.
 #[inline(always)]
 pub(super) fn weights_of_path<N: Spectrum>(null_probability: N, pdf: f32, pdf_light: f32) -> Vec3 {
     let weights = null_probability.map(|nulls| weight_of_path(pdf * nulls, pdf, pdf_light));

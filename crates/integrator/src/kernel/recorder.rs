@@ -1,4 +1,5 @@
-//! What is told of a path while it is traced: its counters, and to a prepass more. Renders compile none of the rest.
+//! What is told of a path while it is traced: its counters, and to a prepass more. Renders compile
+//! none of the rest.
 
 use crate::counters::Counters;
 use crate::media::Ray;
@@ -32,7 +33,8 @@ pub(crate) trait Recorder {
     #[inline(always)]
     fn direct_light(&mut self, _light: DirectLight) {}
 
-    /// A medium interaction at `p` has been lit, with throughput `beta` behind it; `radiance`: of the path until now.
+    /// A medium interaction at `p` has been lit, with throughput `beta` behind it; `radiance`: of
+    /// the path until now.
     #[inline(always)]
     fn medium_interaction(&mut self, _p: DVec3, _beta: Vec3, _radiance: Vec3) {}
 }

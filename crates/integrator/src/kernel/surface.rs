@@ -52,7 +52,8 @@ pub(crate) struct SurfaceVertex {
     interaction: Interaction,
 }
 
-/// Whether light that comes from `wi` and leaves towards `wo` crosses the boundary of an interior medium.
+/// Whether light that comes from `wi` and leaves towards `wo` crosses the boundary of an interior
+/// medium.
 #[inline]
 fn crosses(interaction: &Interaction, wo: Vec3, wi: Vec3) -> bool {
     let normal = interaction.geometric_normal;
@@ -127,7 +128,8 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         let (layer, camera) = (surfaces.layer.take(), surfaces.camera);
         let hit = layer.or_else(|| self.world.intersect(ray, camera, sampler));
         if hit.is_none() {
-            // Interior media end at their surface: a ray that meets none is in none, whatever holes it came through.
+            // Interior media end at their surface: a ray that meets none is in none, whatever holes
+            // it came through.
             surfaces.interiors.clear();
         }
         hit
@@ -158,7 +160,8 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
             && let Some(cut) = self.cut(path, &tracing.tally)
         {
             path.bounces += 1;
-            // What goes straight through a pane has not been scattered: no limit on scatterings stops it.
+            // What goes straight through a pane has not been scattered: no limit on scatterings
+            // stops it.
             let straight =
                 if cut == Cut::MaxBounces { bsdf.straight_through(wo) } else { Vec3::ZERO };
             if straight != Vec3::ONE {
@@ -192,7 +195,8 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         true
     }
 
-    /// Weight of an emissive triangle that a path has run into, per channel: its distance, its number and the cosine there.
+    /// Weight of an emissive triangle that a path has run into, per channel: its distance, its
+    /// number and the cosine there.
     #[inline]
     fn weight_of_emissive_triangle(
         &self,

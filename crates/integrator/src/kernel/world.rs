@@ -1,4 +1,5 @@
-//! What a path can meet besides media: nothing, or surfaces and emissive volumes. Kernels for volumes only have none of this compiled.
+//! What a path can meet besides media: nothing, or surfaces and emissive volumes. Kernels for
+//! volumes only have none of this compiled.
 
 use super::interior::MediumStack;
 use super::surface::SurfacePath;
@@ -53,13 +54,15 @@ pub(crate) trait World: Sync {
         self.surfaces().filter(|surfaces| surfaces.has_panes())
     }
 
-    /// The surface that a ray meets next in the very place that it leaves: of faces that coincide the one behind.
+    /// The surface that a ray meets next in the very place that it leaves: of faces that coincide
+    /// the one behind.
     #[inline(always)]
     fn next_layer<R: Rng>(&self, from: &Interaction, wi: Vec3, rng: &mut R) -> Option<Hit> {
         self.surfaces()?.next_layer(from, wi, rng)
     }
 
-    /// Whether a surface hides what lies at `distance`, or at `end` if that is a point of an emissive triangle.
+    /// Whether a surface hides what lies at `distance`, or at `end` if that is a point of an
+    /// emissive triangle.
     #[inline(always)]
     fn occluded<R: Rng>(
         &self,

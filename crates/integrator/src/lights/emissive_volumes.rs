@@ -1,7 +1,9 @@
 //! Volumes that give off light, as what paths are drawn to.
 //!
-//! No shadow rays are sent to emissive volumes: a share of the directions in which paths go on is drawn by what the vertex sees of them, and the flight collects whatever lies on its way, light that smoke
-//! scatters included. The density of the mixture is known, so that nothing else needs weights.
+//! No shadow rays are sent to emissive volumes: a share of the directions in which paths go on is
+//! drawn by what the vertex sees of them, and the flight collects whatever lies on its way, light
+//! that smoke scatters included. The density of the mixture is known, so that nothing else needs
+//! weights.
 
 use glam::{DVec3, Vec3};
 use pileus_math::Bounds3;
@@ -87,8 +89,9 @@ impl EmissiveVolumes {
         self.volumes.is_empty()
     }
 
-    /// How a vertex at `p`, in a medium or at a surface, is drawn to the emissive volumes beside other light of which it would scatter `others` if it did so in all directions alike. A function of
-    /// these alone; `None` if none is seen.
+    /// How a vertex at `p`, in a medium or at a surface, is drawn to the emissive volumes beside
+    /// other light of which it would scatter `others` if it did so in all directions alike. A
+    /// function of these alone; `None` if none is seen.
     pub(crate) fn emission_mixture(
         &self,
         p: DVec3,
@@ -115,7 +118,8 @@ impl EmissiveVolumes {
         Some(EmissionMixture { share: most * (LEAST_PART + (1.0 - LEAST_PART) * part), views })
     }
 
-    /// A direction towards an emissive volume; `None`, rarely, where rounding leaves none: the path ends then.
+    /// A direction towards an emissive volume; `None`, rarely, where rounding leaves none: the path
+    /// ends then.
     pub(crate) fn sample(&self, mixture: &EmissionMixture, mut u: [f32; 4]) -> Option<Vec3> {
         for (volume, (probability, view)) in self.volumes.iter().zip(&mixture.views) {
             if u[0] < *probability {
@@ -127,7 +131,8 @@ impl EmissiveVolumes {
         None
     }
 
-    /// Density of a direction in which a path goes on, 1/sr, if scattering alone draws it with density `own`.
+    /// Density of a direction in which a path goes on, 1/sr, if scattering alone draws it with
+    /// density `own`.
     pub(crate) fn pdf(&self, mixture: &EmissionMixture, wi: Vec3, own: f32) -> f32 {
         let mut pdf = 0.0;
         for (volume, (probability, view)) in self.volumes.iter().zip(&mixture.views) {

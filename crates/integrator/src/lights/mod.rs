@@ -33,7 +33,8 @@ pub(crate) enum EmitterTechnique {
     EmissiveTriangles(EmissiveTriangles),
 }
 
-/// Most point and spot lights that are chosen among one by one, with their phase function's value; more are put under a tree, which knows their distance alone.
+/// Most point and spot lights that are chosen among one by one, with their phase function's value;
+/// more are put under a tree, which knows their distance alone.
 const MAX_LISTED_POSITIONS: usize = 8;
 
 /// A point or a spot light; the scene's light holds the angular law.
@@ -141,7 +142,8 @@ impl EmissiveTriangles {
     }
 }
 
-/// Density per solid angle of uniform points on an area seen at a distance under a cosine; infinite edge-on.
+/// Density per solid angle of uniform points on an area seen at a distance under a cosine; infinite
+/// edge-on.
 fn pdf_of_area(area: f64, distance: f64, cos: f32) -> f32 {
     (distance * distance / (area * f64::from(cos.abs()))) as f32
 }
@@ -210,9 +212,11 @@ pub(crate) struct LightSample {
     pub(crate) position: Option<DVec3>,
     /// Radiance over the density of the direction; irradiance for delta lights.
     pub(crate) weight: Vec3,
-    /// Density of the direction, 1/sr, for lights that a path can also run into; zero for delta lights.
+    /// Density of the direction, 1/sr, for lights that a path can also run into; zero for delta
+    /// lights.
     pub(crate) pdf: f32,
-    /// Whether the direction may lie anywhere, so that the choice of the light did not know the phase function's value.
+    /// Whether the direction may lie anywhere, so that the choice of the light did not know the
+    /// phase function's value.
     pub(crate) everywhere: bool,
 }
 
@@ -235,7 +239,8 @@ pub(crate) struct Choice {
     pub(crate) index: usize,
     /// Probability of the choice.
     pub(crate) probability: f32,
-    /// What all lights together may contribute, unshadowed, over what they would if scattering were isotropic.
+    /// What all lights together may contribute, unshadowed, over what they would if scattering were
+    /// isotropic.
     pub(crate) importance: f32,
 }
 
@@ -338,7 +343,8 @@ impl Lights {
         self.techniques.iter().chain(&self.paths_only).any(EmitterTechnique::met_by_paths)
     }
 
-    /// Unshadowed contribution of a light, as scattered by `phase` (a value for a direction), and if scattering were isotropic.
+    /// Unshadowed contribution of a light, as scattered by `phase` (a value for a direction), and
+    /// if scattering were isotropic.
     #[inline(always)]
     fn estimate(
         &self,
@@ -375,7 +381,8 @@ impl Lights {
         }
     }
 
-    /// Chooses a light in proportion to what it may contribute; `None` if there is nothing to choose.
+    /// Chooses a light in proportion to what it may contribute; `None` if there is nothing to
+    /// choose.
     #[inline(always)]
     pub(crate) fn choose(&self, p: DVec3, phase: impl Fn(Vec3) -> f32, u: f32) -> Option<Choice> {
         if let [technique] = self.techniques.as_slice() {
@@ -461,8 +468,9 @@ impl Lights {
         }
     }
 
-    /// For a path from `p` that met emissive triangle `emitter` at a distance under a cosine: the light it belongs to, and the density of its direction; `None` if
-    /// no shadow ray is sent there.
+    /// For a path from `p` that met emissive triangle `emitter` at a distance under a cosine: the
+    /// light it belongs to, and the density of its direction; `None` if no shadow ray is sent
+    /// there.
     pub(crate) fn met_emissive_triangle(
         &self,
         emitter: u32,
@@ -480,12 +488,14 @@ impl Lights {
         })
     }
 
-    /// The emissive volumes that paths are drawn to: none if paths are to find all light by themselves.
+    /// The emissive volumes that paths are drawn to: none if paths are to find all light by
+    /// themselves.
     pub(crate) fn emissive_volumes(&self) -> &EmissiveVolumes {
         &self.emissive_volumes
     }
 
-    /// How a vertex at `p` is drawn to emissive volumes beside the other lights and a constant environment of luminance `constant`; `None` if it is not.
+    /// How a vertex at `p` is drawn to emissive volumes beside the other lights and a constant
+    /// environment of luminance `constant`; `None` if it is not.
     #[inline]
     pub(crate) fn emission_mixture(
         &self,
@@ -501,8 +511,8 @@ impl Lights {
         self.emissive_volumes.emission_mixture(p, in_medium, others.sum::<f32>() + constant)
     }
 
-    /// Calls `visit` for every light at infinity that an escaping ray meets: its radiance, and if shadow rays are sent to it, its
-    /// index and its density of sampling that direction.
+    /// Calls `visit` for every light at infinity that an escaping ray meets: its radiance, and if
+    /// shadow rays are sent to it, its index and its density of sampling that direction.
     pub(crate) fn met_at_infinity(
         &self,
         direction: Vec3,
@@ -545,7 +555,8 @@ impl Lights {
         if total > 0.0 { own / total } else { 0.0 }
     }
 
-    /// Whether the environment's image is among the lights met at infinity: one with nothing to sample for is not.
+    /// Whether the environment's image is among the lights met at infinity: one with nothing to
+    /// sample for is not.
     pub(crate) fn covers_image(&self) -> bool {
         let image = |t: &EmitterTechnique| matches!(t, EmitterTechnique::Image { .. });
         self.techniques.iter().chain(&self.paths_only).any(image)

@@ -1,5 +1,6 @@
-//! Many lights as one: a tree over emissive triangles or over point and spot lights, descended by what each side may contribute [after Conty Estevez and
-//! Kulla 2018, "Importance sampling of many lights with adaptive tree splitting"].
+//! Many lights as one: a tree over emissive triangles or over point and spot lights, descended by
+//! what each side may contribute [after Conty Estevez and Kulla 2018, "Importance sampling of many
+//! lights with adaptive tree splitting"].
 
 use glam::{DVec3, Vec3};
 use libm::{acosf, cosf, sinf};
@@ -11,9 +12,11 @@ pub(crate) struct TreeLight {
     pub(crate) p: [DVec3; 3],
     /// Unit normal of the side that emits, or the axis of a spot.
     pub(crate) axis: Vec3,
-    /// Cosine of the angle to the axis up to which light is sent: 0 for triangles, -1 in all directions.
+    /// Cosine of the angle to the axis up to which light is sent: 0 for triangles, -1 in all
+    /// directions.
     pub(crate) cos_emission: f32,
-    /// The irradiance times distance squared that it gives on its axis, in luminance: radiance times area, or intensity.
+    /// The irradiance times distance squared that it gives on its axis, in luminance: radiance
+    /// times area, or intensity.
     pub(crate) strength: f32,
     /// Whether both sides emit.
     pub(crate) two_sided: bool,
@@ -82,8 +85,8 @@ impl Bound {
         0.5 * (self.low + self.high)
     }
 
-    /// Bound-like estimate of what arrives at `p`: strength over distance squared, times the largest cosine at the lights. Not zero unless nothing of the
-    /// set sends light towards `p`.
+    /// Bound-like estimate of what arrives at `p`: strength over distance squared, times the
+    /// largest cosine at the lights. Not zero unless nothing of the set sends light towards `p`.
     fn estimate(&self, p: DVec3) -> f32 {
         let half = 0.5 * (self.high - self.low);
         let radius2 = half.length_squared();
@@ -97,12 +100,14 @@ impl Bound {
         let distance = distance2.sqrt();
         let cos_axis = self.axis.dot((to / distance).as_vec3()).clamp(-1.0, 1.0);
         let cos_axis = if self.two_sided { cos_axis.abs() } else { cos_axis };
-        // Angle to the axis, less the cone's half angle, less that under which the set is seen. Cosines alone: no function of a system's library.
+        // Angle to the axis, less the cone's half angle, less that under which the set is seen.
+        // Cosines alone: no function of a system's library.
         let sin2_seen = (radius2 / distance2) as f32;
         let to_axis = Angle::of(cos_axis);
         let seen = Angle { cos: (1.0 - sin2_seen).max(0.0).sqrt(), sin: sin2_seen.sqrt() };
         let cos = to_axis.less(Angle::of(self.cos.min(1.0))).less(seen).cos;
-        // Wider and not below a floor, for rounding: what just faces away may be chosen, and then brings nothing.
+        // Wider and not below a floor, for rounding: what just faces away may be chosen, and then
+        // brings nothing.
         if cos > self.cos_emission - 1e-4 { received * cos.max(1e-3) } else { 0.0 }
     }
 }
@@ -156,7 +161,8 @@ fn join_cones((a, cos_a): (Vec3, f32), (b, cos_b): (Vec3, f32)) -> (Vec3, f32) {
 }
 
 impl LightTree {
-    /// Builds a tree by splitting at the middle of the widest axis; sets whose normals differ most are not treated apart: emissive are flat or small.
+    /// Builds a tree by splitting at the middle of the widest axis; sets whose normals differ most
+    /// are not treated apart: emissive are flat or small.
     pub(crate) fn new(lights: &[TreeLight]) -> LightTree {
         let mut tree = LightTree { nodes: Vec::new(), leaf: vec![u32::MAX; lights.len()] };
         let mut order: Vec<u32> =
@@ -277,8 +283,9 @@ mod tests {
             .collect()
     }
 
-    /// Probabilities of all lights sum to one or less (what faces away is lost), they are what `choose` draws with (z-test per light, |z| < 6 on 3 x 60 lights:
-    /// false alarm 4e-7), and every light that faces the point has one.
+    /// Probabilities of all lights sum to one or less (what faces away is lost), they are what
+    /// `choose` draws with (z-test per light, |z| < 6 on 3 x 60 lights: false alarm 4e-7), and
+    /// every light that faces the point has one.
     #[test]
     fn choices_follow_their_probabilities() {
         let mut rng = Pcg32::new(1, 1);

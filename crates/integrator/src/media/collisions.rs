@@ -8,7 +8,8 @@ use pileus_media::{AnyRay, RayField, Tally, Tentative, TentativeCollisions};
 use rand_core::Rng;
 use smallvec::SmallVec;
 
-/// The source of a flight's tentative collisions: a Poisson process whose rate is the sum of the media's majorants.
+/// The source of a flight's tentative collisions: a Poisson process whose rate is the sum of the
+/// media's majorants.
 pub(crate) trait Collisions {
     /// Whether all collisions are one medium's, so that its rate may change from one to the next.
     const ONE_MEDIUM: bool;
@@ -16,10 +17,12 @@ pub(crate) trait Collisions {
     /// The next collision.
     fn next<R: Rng>(&mut self, rng: &mut R) -> Option<Tentative>;
 
-    /// The next collision of a process with a share of the rate; `inverse`: one over that share, 1 unless all collisions are [one medium's](Self::ONE_MEDIUM).
+    /// The next collision of a process with a share of the rate; `inverse`: one over that share, 1
+    /// unless all collisions are [one medium's](Self::ONE_MEDIUM).
     fn next_of_share<R: Rng>(&mut self, inverse: f32, rng: &mut R) -> Option<Tentative>;
 
-    /// Extinction at the last collision, 1/length, of the strongest channel that its medium is walked for.
+    /// Extinction at the last collision, 1/length, of the strongest channel that its medium is
+    /// walked for.
     fn sigma_t(&self, tentative: Tentative, tally: &mut Tally) -> f32;
 
     /// Extinction per channel over that, of the medium of the last collision.
@@ -28,10 +31,12 @@ pub(crate) trait Collisions {
     /// Where the last collision is.
     fn place(&self, tentative: Tentative) -> Collision;
 
-    /// Whether shadow rays walk the medium of the last collision by the same collisions, so that its null decisions belong into weights.
+    /// Whether shadow rays walk the medium of the last collision by the same collisions, so that
+    /// its null decisions belong into weights.
     fn weighted(&self) -> bool;
 
-    /// Whether the medium of the last collision has no end, so that a walk which ignores it would not come to one.
+    /// Whether the medium of the last collision has no end, so that a walk which ignores it would
+    /// not come to one.
     fn is_endless(&self) -> bool;
 
     /// Walks the medium of the last collision no further; whether others are left.
@@ -126,7 +131,8 @@ pub(super) struct Ahead<'a> {
     pub(super) weighted: bool,
 }
 
-/// The collisions of media that overlap, in order along the ray: overlapping media are independent Poisson processes.
+/// The collisions of media that overlap, in order along the ray: overlapping media are independent
+/// Poisson processes.
 pub(super) struct ManyMedia<'a> {
     /// Media that the ray has not come to, the nearest last.
     ahead: SmallVec<[Ahead<'a>; 4]>,

@@ -12,7 +12,8 @@ pub(super) struct Entry<'a> {
     number: usize,
     medium: &'a Medium,
     span: Span,
-    /// Factor on the extinction: the rate of one of the exponentials that the transmittance function is a mixture of, 1 for an exponential one.
+    /// Factor on the extinction: the rate of one of the exponentials that the transmittance
+    /// function is a mixture of, 1 for an exponential one.
     rate: f32,
 }
 
@@ -92,7 +93,8 @@ impl<'a> Entry<'a> {
         self.medium.any_ray(&self.span, share * self.rate)
     }
 
-    /// Calls `kernel` with the field of a share of the extinction, compiled for the kinds that are common.
+    /// Calls `kernel` with the field of a share of the extinction, compiled for the kinds that are
+    /// common.
     #[inline(always)]
     pub(super) fn with_field<K: FieldKernel>(&self, share: f32, kernel: K) -> K::Output {
         self.medium.with_ray(&self.span, share * self.rate, kernel)

@@ -1,5 +1,5 @@
-//! Which media a ray may meet: a hierarchy of boxes over those that have bounds, so that a scene of many clouds costs what a ray
-//! meets.
+//! Which media a ray may meet: a hierarchy of boxes over those that have bounds, so that a scene of
+//! many clouds costs what a ray meets.
 
 use super::Ray;
 use super::walks::{is_special, walk_of};
@@ -18,7 +18,8 @@ use std::time::Duration;
 /// Up to so many media every ray asks each: measured, a hierarchy pays from here on.
 const MAX_WITHOUT_HIERARCHY: usize = 4;
 
-/// Share of the boxes' common extent by which each is padded: what rounding to single precision can move a ray or a face by.
+/// Share of the boxes' common extent by which each is padded: what rounding to single precision can
+/// move a ray or a face by.
 const PADDING: f64 = 1e-6;
 
 /// Media by number.
@@ -29,7 +30,8 @@ pub(super) type MetMedia = SmallVec<[u32; 8]>;
 pub(super) enum Walk {
     /// A grid, walked as the kernels of one grid do.
     Grid,
-    /// The same on a drawn rate: its transmittance function is a mixture of exponentials.
+    /// A grid that is walked at a drawn rate: its transmittance function is a mixture of
+    /// exponentials.
     GridOnRates,
     /// Anything else.
     Other,
@@ -40,7 +42,8 @@ pub(super) enum Walk {
 pub(crate) struct MediaIndex {
     /// Media that every ray asks: all of a short list, those without bounds of a long one.
     always: MetMedia,
-    /// Of a short list, the media with their boxes, which rays are held against first, the largest in front; empty for a single medium.
+    /// Of a short list, the media with their boxes, which rays are held against first, the largest
+    /// in front; empty for a single medium.
     near: Vec<NearBox>,
     boxes: Option<Boxes>,
     /// By medium.
@@ -229,7 +232,8 @@ impl NearBox {
         (0..3).map(|axis| self.high[axis] - self.low[axis]).product()
     }
 
-    /// Whether a ray may meet the box up to `t_max`; `inverse`: of its direction. What is not a number comes of rays along a face, which miss.
+    /// Whether a ray may meet the box up to `t_max`; `inverse`: of its direction. What is not a
+    /// number comes of rays along a face, which miss.
     #[inline(always)]
     fn may_be_met(&self, origin: DVec3, inverse: DVec3, t_max: f64) -> bool {
         // One instruction each, unlike the methods of the same meaning.
@@ -252,7 +256,8 @@ impl NearBox {
 impl Boxes {
     fn along(&self, ray: &Ray, t_max: f64, met: &mut MetMedia) {
         let d = ray.direction.as_dvec3();
-        // From where the ray enters the common box on, so that its origin is no further off than the boxes are.
+        // From where the ray enters the common box on, so that its origin is no further off than
+        // the boxes are.
         let (mut t0, mut t1) = (0.0f64, t_max);
         let size = (self.high - self.low).max_element();
         for axis in 0..3 {
@@ -307,8 +312,8 @@ mod tests {
             .collect()
     }
 
-    /// Every medium with a span on the ray, or that holds the point, is found: no hit is lost to single precision, along axes, from far
-    /// away, far from the origin.
+    /// Every medium with a span on the ray, or that holds the point, is found: no hit is lost to
+    /// single precision, along axes, from far away, far from the origin.
     #[test]
     fn nothing_is_missed() {
         let mut rng = Pcg32::new(3, 3);
@@ -353,8 +358,9 @@ mod tests {
         }
     }
 
-    /// Short lists: every medium with a span on a ray is among those that are asked, along faces and axes, from far away; a ray that meets one alone asks no other;
-    /// and an empty grid is asked by none.
+    /// Short lists: every medium with a span on a ray is among those that are asked, along faces
+    /// and axes, from far away; a ray that meets one alone asks no other; and an empty grid is
+    /// asked by none.
     #[test]
     fn short_lists_ask_what_is_met() {
         let mut rng = Pcg32::new(7, 7);

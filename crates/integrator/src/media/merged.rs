@@ -1,12 +1,17 @@
-//! A list of media, overlapping or not: one process of tentative collisions, merged from all that a ray meets.
+//! A list of media, overlapping or not: one process of tentative collisions, merged from all that a
+//! ray meets.
 //!
-//! Overlapping media are independent Poisson processes: their tentative collisions are taken in order along the ray, transmittances multiply. A ray that meets one
-//! medium walks it as the kernels of one grid do.
+//! Overlapping media are independent Poisson processes: their tentative collisions are taken in
+//! order along the ray, transmittances multiply. A ray that meets one medium walks it as the
+//! kernels of one grid do.
 //!
-//! Media with a transmittance function that is not exponential are entries of the list like any other. Those functions have a memory: a flight is one piece from where
-//! it starts to the next real collision or surface, null collisions do not reset it, and nothing is a product over parts of a ray. A ray that starts at a scatterer of
-//! a medium is correlated with that medium alone; light, cameras and surfaces are not correlated with any. Functions that are mixtures of exponentials run on the
-//! extinction times a drawn rate; others, and media too long to walk, fly by closed forms of their own, and the nearest collision counts.
+//! Media with a transmittance function that is not exponential are entries of the list like any
+//! other. Those functions have a memory: a flight is one piece from where it starts to the next
+//! real collision or surface, null collisions do not reset it, and nothing is a product over parts
+//! of a ray. A ray that starts at a scatterer of a medium is correlated with that medium alone;
+//! light, cameras and surfaces are not correlated with any. Functions that are mixtures of
+//! exponentials run on the extinction times a drawn rate; others, and media too long to walk, fly
+//! by closed forms of their own, and the nearest collision counts.
 
 use super::channels::ChannelMode;
 use super::collisions::{Ahead, ManyMedia, OneMedium};
@@ -40,7 +45,8 @@ pub(crate) struct Merged<'a, C> {
     index: &'a MediaIndex,
     methods: Methods,
     channels: C,
-    /// How debiased ray marching chooses its levels under transmittance functions that are not exponential.
+    /// How debiased ray marching chooses its levels under transmittance functions that are not
+    /// exponential.
     series: Telescope,
     /// Whether flights take tentative collisions in order, and not medium by medium.
     tracks: bool,
@@ -122,7 +128,8 @@ impl<'a, C: ChannelMode> Merged<'a, C> {
         Merged { media, index, methods, channels, series, tracks, weighs }
     }
 
-    /// Whether shadow rays walk a medium by the same collisions as flights, so that null decisions belong into weights.
+    /// Whether shadow rays walk a medium by the same collisions as flights, so that null decisions
+    /// belong into weights.
     #[inline(always)]
     fn weighs(&self, medium: &Medium, ray: &Ray, t_max: f64) -> bool {
         let grey = C::GREY || medium.chromatic_ratio() == Vec3::ONE;
@@ -131,7 +138,8 @@ impl<'a, C: ChannelMode> Merged<'a, C> {
             && medium.transmittance_function().is_none()
     }
 
-    /// Flies through a grid that no other medium overlaps, as the kernels of one grid do; whether no channel is under way behind it.
+    /// Flies through a grid that no other medium overlaps, as the kernels of one grid do; whether
+    /// no channel is under way behind it.
     #[inline(always)]
     fn fly_through_grid<R: Rng + Clone>(
         &self,
@@ -202,7 +210,8 @@ impl<'a, C: ChannelMode> Merged<'a, C> {
             Entry::new(number, &self.media[number], ray, segment.t_max)
         };
         let mut entries: Entries<'a> = met.iter().filter_map(meet).collect();
-        // Media that begin at the same point are told apart by their number, whatever order the index found them in.
+        // Media that begin at the same point are told apart by their number, whatever order the
+        // index found them in.
         entries.sort_unstable_by(|a, b| b.t().total_cmp(&a.t()).then(b.medium().cmp(&a.medium())));
         if !self.tracks {
             let nearest = self.fly_each(segment, entries, first, flight, (rng, tally));
@@ -238,9 +247,10 @@ impl<'a, C: ChannelMode> Merged<'a, C> {
         (self.channels.fly(flight, collisions, decision, rng, tally), nearest)
     }
 
-    /// Flies past the media that are not walked: the nearest of their collisions, each by a closed form
-    /// of its own, ends the flight if nothing does before. The weights of all count, since those
-    /// that flew further stand for the transmittance up to there. Returns the other media, with rates where their transmittance functions have some, and that collision.
+    /// Flies past the media that are not walked: the nearest of their collisions, each by a closed
+    /// form of its own, ends the flight if nothing does before. The weights of all count, since
+    /// those that flew further stand for the transmittance up to there. Returns the other media,
+    /// with rates where their transmittance functions have some, and that collision.
     fn fly_own<R: Rng + Clone>(
         &self,
         RaySegment { ray, start, t_max }: RaySegment<'_>,
@@ -284,8 +294,9 @@ impl<'a, C: ChannelMode> Merged<'a, C> {
         (walked, nearest)
     }
 
-    /// Every sampler but those that take the collisions of all media in order: each medium flies alone, the nearest collision wins, and the
-    /// weights of all flights count, since those that flew further stand for the transmittance up to there.
+    /// Every sampler but those that take the collisions of all media in order: each medium flies
+    /// alone, the nearest collision wins, and the weights of all flights count, since those that
+    /// flew further stand for the transmittance up to there.
     fn fly_each<R: Rng + Clone>(
         &self,
         RaySegment { ray, start, t_max }: RaySegment<'_>,
@@ -439,7 +450,8 @@ impl<'a, C: ChannelMode> Merged<'a, C> {
         self.methods.transmittance == Estimator::Ratio
     }
 
-    /// As [`Merged::shadow`], of a medium that is no grid, or by another estimator than ratio tracking.
+    /// As [`Merged::shadow`], of a medium that is no grid, or by another estimator than ratio
+    /// tracking.
     #[inline(never)]
     fn shadow_of_other<R: Rng + Clone>(
         &self,
@@ -483,7 +495,8 @@ impl<'a, C: ChannelMode> Merged<'a, C> {
         Shadow { transmittance, null_probability }
     }
 
-    /// Draws a rate for a shadow ray, if the plan's estimator and the transmittance function of the medium run on one.
+    /// Draws a rate for a shadow ray, if the plan's estimator and the transmittance function of the
+    /// medium run on one.
     #[inline]
     fn draw_rate<R: Rng + Clone>(
         &self,
@@ -520,7 +533,8 @@ impl<'a, C: ChannelMode> Merged<'a, C> {
     }
 }
 
-/// The phase function at a collision, if it is neither isotropic nor Henyey-Greenstein, the same everywhere.
+/// The phase function at a collision, if it is neither isotropic nor Henyey-Greenstein, the same
+/// everywhere.
 #[inline(never)]
 fn other_phase<'m, R: Rng>(
     medium: &'m Medium,
@@ -619,7 +633,8 @@ impl<'a, C: ChannelMode> Media for Merged<'a, C> {
             let medium = &self.media[index as usize];
             let sigma_t = medium.sigma_t_at(p_world) as f32;
             if sigma_t > 0.0 {
-                // From a place that is correlated with no scatterer: the density of a collision at no depth.
+                // From a place that is correlated with no scatterer: the density of a collision at
+                // no depth.
                 let per_path = medium
                     .transmittance_function()
                     .map_or(1.0, |law| 1.0 / law.mean_free_path() as f32);

@@ -1,7 +1,9 @@
-//! The media of a scene as the path kernel sees them: where the next real collision of a flight is, and what a shadow ray finds.
+//! The media of a scene as the path kernel sees them: where the next real collision of a flight is,
+//! and what a shadow ray finds.
 //!
-//! Two axes are independent of each other. *Events*: tentative collisions come from one grid ([`OneGrid`]) or from a merged list of media ([`Merged`]).
-//! *Channels*: three channels share one extinction, are split where their events differ, or are weighted ([`channels`]).
+//! Two axes are independent of each other. *Events*: tentative collisions come from one grid
+//! ([`OneGrid`]) or from a merged list of media ([`Merged`]). *Channels*: three channels share one
+//! extinction, are split where their events differ, or are weighted ([`channels`]).
 
 pub(crate) mod channels;
 mod collisions;
@@ -46,8 +48,8 @@ pub(crate) struct Collision {
     pub(crate) medium: usize,
 }
 
-/// The medium at one of whose scatterers a ray starts; `None` for cameras, surfaces and interior media. It matters for media with a transmittance function that is
-/// not exponential [d'Eon 2018].
+/// The medium at one of whose scatterers a ray starts; `None` for cameras, surfaces and interior
+/// media. It matters for media with a transmittance function that is not exponential [d'Eon 2018].
 pub(crate) type StartCorrelation = Option<usize>;
 
 /// A ray from where it starts to a distance.
@@ -65,8 +67,8 @@ pub(crate) struct FlightEnd<N> {
     pub(crate) before: Vec3,
     /// Path throughput at the end, without the albedo there.
     pub(crate) beta: Vec3,
-    /// Probability of all null decisions since the flight began: the density of the same walk under light sampling, over its density under path sampling, is one
-    /// over this.
+    /// Probability of all null decisions since the flight began: the density of the same walk under
+    /// light sampling, over its density under path sampling, is one over this.
     pub(crate) null_probability: N,
     /// The collision; none: they got to the segment's end.
     pub(crate) collision: Option<Collision>,
@@ -77,7 +79,8 @@ pub(crate) struct FlightEnd<N> {
 pub(crate) struct Shadow {
     /// Unbiased estimate of the transmittance per channel.
     pub(crate) transmittance: Vec3,
-    /// Density of the same walk under path sampling over its density here, per channel of the throughput.
+    /// Density of the same walk under path sampling over its density here, per channel of the
+    /// throughput.
     pub(crate) null_probability: Vec3,
 }
 
@@ -96,11 +99,13 @@ pub(crate) struct Methods {
 }
 
 impl Methods {
-    /// Whether weights count the densities along the way through a medium, grey or not: of null collisions, which trackers and ratio tracking share, or of the
-    /// escape, which regular tracking knows. Others leave them out, on both sides.
+    /// Whether weights count the densities along the way through a medium, grey or not: of null
+    /// collisions, which trackers and ratio tracking share, or of the escape, which regular
+    /// tracking knows. Others leave them out, on both sides.
     ///
-    /// With several channels a shadow ray knows the null probability of each; the density of a flight is their mean by the throughput at its start. Delta tracking
-    /// decides by the plain mean at every collision, and the product of those means is none of a product per channel.
+    /// With several channels a shadow ray knows the null probability of each; the density of a
+    /// flight is their mean by the throughput at its start. Delta tracking decides by the plain
+    /// mean at every collision, and the product of those means is none of a product per channel.
     pub(crate) fn weigh_the_way(self, grey: bool) -> bool {
         match self.transmittance {
             Estimator::Ratio if !grey && self.distance == DistanceSampler::Delta => false,
@@ -118,10 +123,12 @@ pub(crate) trait Media: Sync {
     /// How channels share a path.
     type Channels: ChannelMode;
 
-    /// Flies to the next real collision before the end of the segment, with throughput `beta`. `first`: stratified majorant depth of the first collision, and a
-    /// stratified uniform number for what it is taken for.
+    /// Flies to the next real collision before the end of the segment, with throughput `beta`.
+    /// `first`: stratified majorant depth of the first collision, and a stratified uniform number
+    /// for what it is taken for.
     ///
-    /// Where channels decouple, what is returned is the end of some of them, and `decoupled` gets the rest.
+    /// Where channels decouple, what is returned is the end of some of them, and `decoupled` gets
+    /// the rest.
     fn flight<R: Rng + Clone>(
         &self,
         segment: RaySegment<'_>,
@@ -132,8 +139,9 @@ pub(crate) trait Media: Sync {
         tally: &mut Tally,
     ) -> FlightEnd<<Self::Channels as ChannelMode>::Nulls>;
 
-    /// An estimate of the transmittance of a segment that ends at a place which is correlated with no medium, for the channels that have throughput in `beta`.
-    /// Walks whose product falls below `threshold` undergo Russian roulette.
+    /// An estimate of the transmittance of a segment that ends at a place which is correlated with
+    /// no medium, for the channels that have throughput in `beta`. Walks whose product falls below
+    /// `threshold` undergo Russian roulette.
     fn transmittance<R: Rng + Clone>(
         &self,
         segment: RaySegment<'_>,
@@ -143,7 +151,8 @@ pub(crate) trait Media: Sync {
         tally: &mut Tally,
     ) -> Shadow;
 
-    /// Calls `visit` with scattering coefficient per channel, 1/length, and phase function of every medium at a point, for light that arrives along `incoming`.
+    /// Calls `visit` with scattering coefficient per channel, 1/length, and phase function of every
+    /// medium at a point, for light that arrives along `incoming`.
     fn scattering<R: Rng + Clone>(
         &self,
         p_world: DVec3,
@@ -164,6 +173,7 @@ pub(crate) trait Media: Sync {
         rng: &mut R,
     ) -> (PhaseAt<'_>, Vec3);
 
-    /// Whether it matters where a ray starts: some medium has a transmittance function that is not exponential.
+    /// Whether it matters where a ray starts: some medium has a transmittance function that is not
+    /// exponential.
     fn starts_matter(&self) -> bool;
 }

@@ -1,4 +1,5 @@
-//! One grid: the events of most clouds. No list of media, no choice of voxel type or method: flights by tentative collisions, shadow rays by ratio tracking.
+//! One grid: the events of most clouds. No list of media, no choice of voxel type or method:
+//! flights by tentative collisions, shadow rays by ratio tracking.
 
 use super::channels::ChannelMode;
 use super::collisions::OneMedium;

@@ -1,4 +1,5 @@
-//! How a ray gets through a medium of a list: what has to be walked, what has closed forms, what flies by itself.
+//! How a ray gets through a medium of a list: what has to be walked, what has closed forms, what
+//! flies by itself.
 
 use super::index::Walk;
 use super::{Ray, Shadow};
@@ -20,7 +21,8 @@ pub(super) fn closed_form(medium: &Medium, ray: &Ray, t_max: f64) -> Option<f32>
     Some(if tau.is_nan() { 1.0 } else { libm::exp(-tau) as f32 })
 }
 
-/// Whether a ray never leaves a medium that differs per channel: without end, transmittance is zero or one.
+/// Whether a ray never leaves a medium that differs per channel: without end, transmittance is zero
+/// or one.
 pub(super) fn endless(medium: &Medium, ray: &Ray, t_max: f64) -> bool {
     let Some(shape) = medium.homogeneous_box() else {
         return false;
@@ -33,8 +35,8 @@ pub(super) fn endless(medium: &Medium, ray: &Ray, t_max: f64) -> bool {
 /// segment through a homogeneous medium is not walked.
 const MAX_WALKED_DEPTH: f64 = 256.0;
 
-/// Whether a medium is homogeneous and its channels differ so much that a segment may be too long to
-/// walk.
+/// Whether a medium is homogeneous and its channels differ so much that a segment may be too long
+/// to walk.
 pub(super) fn is_uneven(medium: &Medium) -> bool {
     let uneven = |s: f32| s > 0.0 && f64::from(s) * MAX_WALKED_DEPTH < 1.0;
     let ratio = medium.chromatic_ratio();
@@ -56,7 +58,8 @@ pub(super) fn too_long_to_walk(medium: &Medium, ray: &Ray, t_max: f64) -> Option
     (depth > MAX_WALKED_DEPTH).then_some(depth)
 }
 
-/// Whether a medium's flights and shadow rays run on a drawn rate: homogeneous media have closed forms.
+/// Whether a medium's flights and shadow rays run on a drawn rate: homogeneous media have closed
+/// forms.
 pub(super) fn runs_on_rates(medium: &Medium, law: &Law) -> bool {
     medium.grid().is_some() && law.is_mixture_of_exponentials()
 }
@@ -86,7 +89,8 @@ pub(super) fn is_special(medium: &Medium) -> bool {
     medium.transmittance_function().is_some() || is_uneven(medium)
 }
 
-/// Transmittance that needs no walk, with the null probability that weights count; `None` where a ray has to be walked.
+/// Transmittance that needs no walk, with the null probability that weights count; `None` where a
+/// ray has to be walked.
 #[inline]
 pub(super) fn known_transmittance(medium: &Medium, ray: &Ray, t_max: f64) -> Option<Shadow> {
     if medium.homogeneous_box().is_none() || medium.transmittance_function().is_some() {

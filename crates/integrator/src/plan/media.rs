@@ -28,11 +28,12 @@ pub struct PlannedVolume {
     pub albedo: String,
 }
 
-/// Optical depth per voxel from which on walks by tentative collisions lose to exact ones whatever else there is: they take its root at every edge, and all of it
-/// where a cell is empty beside a voxel.
+/// Optical depth per voxel from which on walks by tentative collisions lose to exact ones whatever
+/// else there is: they take its root at every edge, and all of it where a cell is empty beside a
+/// voxel.
 pub(super) const DENSE: f64 = 16_384.0;
 
-/// That from which on they do not end.
+/// Optical depth per voxel from which on walks by tentative collisions do not end.
 pub(super) const TOO_DENSE: f64 = 1e7;
 
 /// Whether a medium has any extinction: no path asks for others.

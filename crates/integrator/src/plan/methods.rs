@@ -12,11 +12,12 @@ use pileus_media::transmittance::Estimator;
 use pileus_media::{Transmittances, Work};
 use pileus_scene::{Scene, Volume};
 
-/// Mean optical depth of the media below which points seen by point-like lights at equal angles pay for themselves, where the job leaves the
-/// choice to the plan. Measured: `docs/charts/methods.md`.
+/// Mean optical depth of the media below which points seen by point-like lights at equal angles pay
+/// for themselves, where the job leaves the choice to the plan. Measured: `docs/charts/methods.md`.
 const MAX_EQUIANGULAR_DEPTH: f64 = 0.1;
 
-/// Whether the settings allow channels to fly by delta tracking and to decouple: both walks by tentative collisions of bounds that hold.
+/// Whether the settings allow channels to fly by delta tracking and to decouple: both walks by
+/// tentative collisions of bounds that hold.
 pub(super) fn channels_may_decouple(settings: &RenderSettings) -> bool {
     let flights = settings.distance.is_none_or(|sampler| !sampler.is_one_flight());
     let shadows = matches!(settings.transmittance, None | Some(Estimator::Ratio));
@@ -64,7 +65,8 @@ pub(super) fn choose_equiangular(
 /// Whether methods can serve the scene's laws, and how they do.
 ///
 /// # Errors
-/// If a method that assumes the exponential law was asked for by name, and a volume follows another.
+/// If a method that assumes the exponential law was asked for by name, and a volume follows
+/// another.
 pub(super) fn check_laws(
     scene: &Scene,
     settings: &RenderSettings,

@@ -1,4 +1,5 @@
-//! The plan: the simplest machinery that is exact for a scene, chosen once per render, and why. Data: a function of scene and settings that traces no path.
+//! The plan: the simplest machinery that is exact for a scene, chosen once per render, and why.
+//! Data: a function of scene and settings that traces no path.
 
 mod axes;
 mod lights;
@@ -24,7 +25,8 @@ use pileus_media::{Expectation, MajorantStructure, Medium};
 use pileus_scene::{Light, Scene, Surfaces};
 use serde::Serialize;
 
-/// What is modelled, by which methods, and why. Prints itself for people and serialises for `stats` and image metadata.
+/// What is modelled, by which methods, and why. Prints itself for people and serialises for `stats`
+/// and image metadata.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Plan {
     /// Which path kernel runs.
@@ -70,7 +72,7 @@ pub struct Plan {
 
 /// What of a scene and its settings decides the kernel.
 struct Facts {
-    /// Those with any extinction.
+    /// Number of volumes that have any extinction.
     volumes: usize,
     /// Whether the only volume is a grid that the kernels of one grid can walk.
     one_grid: bool,
@@ -208,7 +210,8 @@ impl Facts {
 }
 
 impl Plan {
-    /// Plans a render: a function of scene and settings, in at most some seconds whatever the scene.
+    /// Plans a render: a function of scene and settings, in at most some seconds whatever the
+    /// scene.
     ///
     /// # Errors
     /// If the settings ask for what the scene does not allow, or if paths would not end by
@@ -218,7 +221,11 @@ impl Plan {
         Plan::with_lights(scene, settings, &lights)
     }
 
-    /// As [`Plan::new`], for lights that are made already.
+    /// Plans a render whose lights are made already; [`Plan::new`] makes them.
+    ///
+    /// # Errors
+    /// If the settings ask for what the scene does not allow, or if paths would not end by
+    /// construction.
     pub(crate) fn with_lights(
         scene: &Scene,
         settings: &RenderSettings,
@@ -337,8 +344,8 @@ impl Plan {
         })
     }
 
-    /// This plan with what a render counted in the place of what might have happened: which limits did cut
-    /// paths.
+    /// This plan with what a render counted in the place of what might have happened: which limits
+    /// did cut paths.
     pub fn settled(mut self, counters: &Counters) -> Plan {
         let Some(n) = self.max_events else { return self };
         self.biased.retain(|line| !line.starts_with(warnings::MAX_EVENTS));

@@ -1,4 +1,5 @@
-//! How thick the media of a scene are, roughly: what choices and weights may use, since they are unbiased whatever it is.
+//! How thick the media of a scene are, roughly: what choices and weights may use, since they are
+//! unbiased whatever it is.
 
 use glam::DVec3;
 use pileus_math::Bounds3;
@@ -26,15 +27,16 @@ fn mean_sigma_t(medium: &Medium) -> f64 {
     }
 }
 
-/// Mean extinction over the media's boxes, summed over media, 1/length: what the weights of equiangular points take for the flights' rate.
+/// Mean extinction over the media's boxes, summed over media, 1/length: what the weights of
+/// equiangular points take for the flights' rate.
 pub(crate) fn typical_sigma_t(scene: &Scene) -> f64 {
     let sum: f64 = scene.volumes.iter().map(|volume| mean_sigma_t(&volume.medium)).sum();
     // Without extinction nothing is scattered, whatever the weights are.
     if sum > 0.0 { sum } else { 1.0 }
 }
 
-/// Mean optical depth across the media's boxes, summed over media: mean extinction times the mean chord `4 V / S` [Cauchy]. Infinite for media
-/// without bounds.
+/// Mean optical depth across the media's boxes, summed over media: mean extinction times the mean
+/// chord `4 V / S` [Cauchy]. Infinite for media without bounds.
 pub(crate) fn typical_depth(scene: &Scene) -> f64 {
     scene
         .volumes

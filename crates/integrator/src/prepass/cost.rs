@@ -1,7 +1,9 @@
 //! Which rays a render will walk, and what a majorant structure would cost on them.
 //!
-//! The rays hold what no formula knows: how often light scatters where. On a flight the cost of any structure is an integral: the majorants' optical depth is the expected
-//! number of tentative collisions, the cells on the way are the steps. Shadow rays, whose roulette ends them, are walked once.
+//! The rays hold what no formula knows: how often light scatters where. On a flight the cost of any
+//! structure is an integral: the majorants' optical depth is the expected number of tentative
+//! collisions, the cells on the way are the steps. Shadow rays, whose roulette ends them, are
+//! walked once.
 
 use super::lattice;
 use crate::cost::PathCost;
@@ -33,7 +35,8 @@ struct RecordedRay {
     direction: Vec3,
     /// Where the flight ended or the light stands; infinite if nowhere.
     length: f64,
-    /// Transmittance below which a shadow walk undergoes Russian roulette; zero for flights, which are walked whole.
+    /// Transmittance below which a shadow walk undergoes Russian roulette; zero for flights, which
+    /// are walked whole.
     threshold: f32,
 }
 
@@ -104,7 +107,8 @@ fn record(parts: &Parts<'_>, paths: u32) -> Vec<RayRecorder> {
     parts.with_general_kernel(&mut Paths { scene: parts.scene, paths })
 }
 
-/// Cost per path, by `paths` paths, and whether any has met a medium. A function of scene, plan and settings (but for the seed), whatever the number of threads.
+/// Cost per path, by `paths` paths, and whether any has met a medium. A function of scene, plan and
+/// settings (but for the seed), whatever the number of threads.
 pub(super) fn predict(parts: &Parts<'_>, paths: u32) -> (PathCost, bool) {
     let mut counters = Counters::default();
     for recorder in record(parts, paths) {
@@ -118,7 +122,8 @@ pub(super) fn predict(parts: &Parts<'_>, paths: u32) -> (PathCost, bool) {
 
 impl RecordedRays {
     /// Traces `paths` paths over a lattice of pixels, each for some 16,000 events at most. A
-    /// function of the renderer's scene, plan and settings (but for the seed), whatever the number of threads.
+    /// function of the renderer's scene, plan and settings (but for the seed), whatever the number
+    /// of threads.
     pub fn new(renderer: &Renderer<'_>, paths: u32) -> RecordedRays {
         let traced = renderer.with_parts(|parts| record(parts, paths));
         RecordedRays {
@@ -133,7 +138,8 @@ impl RecordedRays {
         self.collisions as f64 / self.paths as f64
     }
 
-    /// Expected tentative collisions and steps per path by delta and ratio tracking under a majorant structure.
+    /// Expected tentative collisions and steps per path by delta and ratio tracking under a
+    /// majorant structure.
     ///
     /// # Errors
     /// If a medium cannot have that structure.
@@ -177,8 +183,8 @@ fn add(a: (f64, f64), b: (f64, f64)) -> (f64, f64) {
     (a.0 + b.0, a.1 + b.1)
 }
 
-/// Steps and tentative collisions of ray number `number` in one medium: expected ones of a flight, those of one walk of a shadow ray, whose roulette
-/// depends on the collisions themselves.
+/// Steps and tentative collisions of ray number `number` in one medium: expected ones of a flight,
+/// those of one walk of a shadow ray, whose roulette depends on the collisions themselves.
 fn walk(medium: &Medium, ray: &RecordedRay, number: u64) -> (f64, f64) {
     if medium.grid().is_none() {
         // Homogeneous media: real collisions alone, shadow rays in closed form.

@@ -1,5 +1,5 @@
-//! What needs paths before a render: what they will cost, and what shadow rays may bring. A few paths of the real kernel, heard by a recorder: nothing here decides
-//! what the picture's mean is.
+//! What needs paths before a render: what they will cost, and what shadow rays may bring. A few
+//! paths of the real kernel, heard by a recorder: nothing here decides what the picture's mean is.
 
 mod cost;
 mod radiance;
@@ -14,14 +14,16 @@ use crate::settings::ShadowRoulette;
 use serde::Serialize;
 use std::fmt;
 
-/// Paths that predict costs: some milliseconds; a tenth of error, up to a half where few paths scatter for long (`docs/charts/majorants.md`).
+/// Paths that predict costs: some milliseconds; a tenth of error, up to a half where few paths
+/// scatter for long (`docs/charts/majorants.md`).
 const COST_PATHS: u32 = 512;
 
 /// Optical depth of a voxel above which no paths are traced ahead: null collisions before a real
 /// one grow as its root.
 const MAX_VOXEL_DEPTH: f64 = 1e5;
 
-/// Scatterings per path below which shadow rays undergo Russian roulette by what a prepass expects of them. Measured: `docs/charts/methods.md`.
+/// Scatterings per path below which shadow rays undergo Russian roulette by what a prepass expects
+/// of them. Measured: `docs/charts/methods.md`.
 const MAX_CACHED_SCATTERINGS: f64 = 1.5;
 
 /// What a few paths ahead of a render have told.
@@ -114,7 +116,8 @@ impl fmt::Display for Prepass {
     }
 }
 
-/// A point of the film for path number `number`: a lattice of rank one covers the picture evenly whatever the number of paths.
+/// A point of the film for path number `number`: a lattice of rank one covers the picture evenly
+/// whatever the number of paths.
 fn lattice([width, height]: [u32; 2], number: u32) -> [f64; 2] {
     let at = |step: f64, n: u32| (f64::from(number) * step).fract() * f64::from(n);
     [at(0.754_877_666_246_692_7, width), at(0.569_840_290_998_053_3, height)]

@@ -1,8 +1,11 @@
-//! A radiance cache for adjoint-driven Russian roulette: what a path may be expected to bring, and so whether a shadow ray is worth its walk.
+//! A radiance cache for adjoint-driven Russian roulette: what a path may be expected to bring, and
+//! so whether a shadow ray is worth its walk.
 //!
-//! Cells of a coarse grid over the media hold the mean radiance that paths brought after a scattering there [in the manner of Vorba and Krivanek 2016], and
-//! how much of distant lights arrives. A fixed number of paths with fixed seeds, summed in order: a function of scene, majorants and longest path alone. Whatever
-//! the estimates are, the picture is unbiased: they only decide how often a shadow ray is sent, never with probability zero.
+//! Cells of a coarse grid over the media hold the mean radiance that paths brought after a
+//! scattering there [in the manner of Vorba and Krivanek 2016], and how much of distant lights
+//! arrives. A fixed number of paths with fixed seeds, summed in order: a function of scene,
+//! majorants and longest path alone. Whatever the estimates are, the picture is unbiased: they only
+//! decide how often a shadow ray is sent, never with probability zero.
 
 use super::lattice;
 use crate::counters::Counters;
@@ -33,10 +36,12 @@ const PRIOR: f64 = 8.0;
 /// Least radiance expected, over the mean: keeps quotients finite.
 const MIN_RADIANCE: f32 = 0.01;
 
-/// A shadow ray is certain if it may bring one over this of what its path was expected to. Measured: `docs/charts/methods.md`.
+/// A shadow ray is certain if it may bring one over this of what its path was expected to.
+/// Measured: `docs/charts/methods.md`.
 const CERTAIN_SHARE: f32 = 2.0;
 
-/// Least probability of a shadow ray over that which it has without the estimate: an error of the estimate costs no more variance than its inverse.
+/// Least probability of a shadow ray over that which it has without the estimate: an error of the
+/// estimate costs no more variance than its inverse.
 const MIN_SURVIVAL_RATIO: f32 = 0.1;
 
 /// What is known of a cell.
@@ -55,7 +60,8 @@ pub(crate) struct RadianceCache {
     cells_per_length: f64,
     size: [usize; 3],
     cells: Vec<Cell>,
-    /// Radiance that unshadowed lights scatter alike into all directions, over the mean of all paths.
+    /// Radiance that unshadowed lights scatter alike into all directions, over the mean of all
+    /// paths.
     unshadowed: f32,
     /// Mean over all paths.
     scatterings: f64,
@@ -69,7 +75,8 @@ struct Visit {
     beta: f32,
     /// Square of the transmittance towards a light, over the probability of asking for it.
     clear2: f32,
-    /// Luminance of lights if scattering were isotropic and nothing in the way, likewise.
+    /// Luminance of lights if scattering were isotropic and nothing in the way, over the
+    /// probability of asking for it.
     unshadowed: f32,
 }
 
@@ -144,14 +151,17 @@ impl RadianceCache {
         (z.min(nz - 1) * ny + y.min(ny - 1)) * nx + x.min(nx - 1)
     }
 
-    /// Radiance that a path is expected to bring after a scattering at a point, over the mean; positive.
+    /// Radiance that a path is expected to bring after a scattering at a point, over the mean;
+    /// positive.
     #[inline]
     pub(crate) fn radiance(&self, p: DVec3) -> f32 {
         self.cells.get(self.index(p)).map_or(1.0, |cell| cell.radiance)
     }
 
-    /// Probability of a shadow ray from a point of a medium: in proportion to what it may bring, over the radiance that its path was expected to bring at its first
-    /// scattering. `importance`: of the lights, times the throughput; `without`: the probability without this estimate, in (0, 1].
+    /// Probability of a shadow ray from a point of a medium: in proportion to what it may bring,
+    /// over the radiance that its path was expected to bring at its first scattering. `importance`:
+    /// of the lights, times the throughput; `without`: the probability without this estimate, in
+    /// (0, 1].
     #[inline]
     pub(crate) fn survival(&self, p: DVec3, first: f32, importance: f32, without: f32) -> f32 {
         let clear = self.cells.get(self.index(p)).map_or(1.0, |cell| cell.clear);

@@ -1,4 +1,5 @@
-//! Charts: tables and curves with where they come from, written as CSV, SVG, PNG and one page of HTML.
+//! Charts: tables and curves with where they come from, written as CSV, SVG, PNG and one page of
+//! HTML.
 
 mod page;
 mod plot;
@@ -43,7 +44,8 @@ pub struct Chart {
 }
 
 impl Chart {
-    /// Writes `NAME.csv`, `NAME-PLOT.svg`, `NAME-PLOT.png` and `NAME.html` into a folder, which is made if it is not there.
+    /// Writes `NAME.csv`, `NAME-PLOT.svg`, `NAME-PLOT.png` and `NAME.html` into a folder, which is
+    /// made if it is not there.
     ///
     /// # Errors
     /// If a file cannot be written or a plot cannot be drawn.

@@ -48,9 +48,9 @@ impl Axis {
 /// A curve.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Series {
-    /// Its name.
+    /// Name of the series, for the legend.
     pub name: String,
-    /// Its points, in order; what an axis cannot show is left out.
+    /// Points of the series, in order; what an axis cannot show is left out.
     pub points: Vec<[f64; 2]>,
     /// Whether points are joined.
     pub line: bool,
@@ -95,7 +95,7 @@ impl Plot {
         }
     }
 
-    /// As SVG.
+    /// The chart as an SVG document.
     ///
     /// # Errors
     /// If it cannot be drawn.
@@ -105,7 +105,7 @@ impl Plot {
         Ok(svg)
     }
 
-    /// As pixels of 3 bytes, with width and height.
+    /// The chart as pixels of 3 bytes, with width and height.
     ///
     /// # Errors
     /// If it cannot be drawn.

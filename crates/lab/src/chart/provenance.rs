@@ -59,7 +59,7 @@ impl Provenance {
         lines
     }
 
-    /// As comment lines at the head of a CSV file.
+    /// The provenance as comment lines at the head of a CSV file.
     pub fn comment(&self) -> String {
         let clean = |text: &str| text.replace(['\n', '\r'], " ");
         self.lines().iter().map(|(name, value)| format!("# {name}: {}\n", clean(value))).collect()

@@ -42,7 +42,7 @@ fn text_of(value: f64) -> String {
 }
 
 impl Cell {
-    /// As it is printed.
+    /// The cell as it is printed.
     pub fn text(&self) -> String {
         match self {
             Cell::Text(text) => text.clone(),

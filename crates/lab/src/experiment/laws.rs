@@ -1,4 +1,5 @@
-//! Debiased transmittance under laws that are not exponential: variance and cost by how its levels are chosen.
+//! Debiased transmittance under laws that are not exponential: variance and cost by how its levels
+//! are chosen.
 
 use super::measure::Samples;
 use crate::Error;
@@ -27,7 +28,8 @@ pub struct Levels {
 }
 
 impl Levels {
-    /// Of a field's ray under a law, for levels from 0, as long as differences are more than rounding.
+    /// Of a field's ray under a law, for levels from 0, as long as differences are more than
+    /// rounding.
     pub fn measured<F: RayField>(
         field: impl Fn() -> F,
         passage: Passage<'_>,
@@ -56,7 +58,8 @@ impl Levels {
         &self.squares
     }
 
-    /// By which power of two mean squares fall from level to level, in the mean over the later half of the levels; infinite where fewer than three differ from rounding.
+    /// By which power of two mean squares fall from level to level, in the mean over the later half
+    /// of the levels; infinite where fewer than three differ from rounding.
     pub fn decay(&self) -> f64 {
         let n = self.squares.len();
         if n < 3 {
@@ -66,7 +69,8 @@ impl Levels {
         (self.squares[from] / self.squares[n - 1]).log2() / (n - 1 - from) as f64
     }
 
-    /// Whether the variance of a series that goes deeper with this probability is finite, as far as the levels show: whether its terms, mean squares over probabilities, fall.
+    /// Whether the variance of a series that goes deeper with this probability is finite, as far as
+    /// the levels show: whether its terms, mean squares over probabilities, fall.
     pub fn variance_is_finite(&self, deeper: f64) -> bool {
         self.decay() > -deeper.log2()
     }
@@ -131,7 +135,9 @@ fn laws() -> Result<Vec<(&'static str, Law)>, Error> {
 /// Exponents `c` of the probability `2^-c` of going one level deeper.
 const EXPONENTS: [f64; 8] = [1.05, 1.25, 1.5, 1.75, 2.0, 2.5, 3.0, 5.0];
 
-/// The debiased estimator under laws, from a place, on rays of optical depth one in closed form: what its levels' differences are, and what a choice of levels costs. The figures are the same on every machine.
+/// The debiased estimator under laws, from a place, on rays of optical depth one in closed form:
+/// what its levels' differences are, and what a choice of levels costs. The figures are the same on
+/// every machine.
 ///
 /// # Errors
 /// If a law cannot be made.
@@ -229,8 +235,9 @@ pub fn chart_laws() -> Result<Chart, Error> {
 mod tests {
     use super::*;
 
-    /// Where ends do not match and at edges combs converge at first order, so that mean squares of differences fall by four powers of two a level; a spike's do so later, and faster. A choice of levels is
-    /// judged by that.
+    /// Where ends do not match and at edges combs converge at first order, so that mean squares of
+    /// differences fall by four powers of two a level; a spike's do so later, and faster. A choice
+    /// of levels is judged by that.
     #[test]
     fn decay_tells_finite_variance_from_infinite() {
         let law = laws().unwrap().remove(0).1;

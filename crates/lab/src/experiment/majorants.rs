@@ -46,7 +46,8 @@ struct Run<'a> {
     build: f64,
 }
 
-/// Renders a scene under every structure, in turns, until each has had `seconds`; predicts the cost of each from one pilot.
+/// Renders a scene under every structure, in turns, until each has had `seconds`; predicts the cost
+/// of each from one pilot.
 ///
 /// # Errors
 /// If the scene cannot be rendered. Structures that a grid cannot have are left out and named.

@@ -56,7 +56,8 @@ impl Samples {
         Moments { n, mean, variance, worst, negative }
     }
 
-    /// Mean squared distance from `exact` of the means of `group` consecutive estimates, `None` for fewer than four groups.
+    /// Mean squared distance from `exact` of the means of `group` consecutive estimates, `None` for
+    /// fewer than four groups.
     pub fn squared_error(&self, group: usize, exact: f64) -> Option<f64> {
         let groups = self.values.chunks_exact(group.max(1));
         let count = groups.len();
@@ -66,7 +67,8 @@ impl Samples {
 }
 
 impl Moments {
-    /// Distance of the mean from `exact` in standard errors; differences within `tolerance`, which rounding explains, count as none.
+    /// Distance of the mean from `exact` in standard errors; differences within `tolerance`, which
+    /// rounding explains, count as none.
     pub fn z(&self, exact: f64, tolerance: f64) -> f64 {
         let difference = (self.mean - exact).abs() - tolerance;
         if difference <= 0.0 {

@@ -26,7 +26,7 @@ impl RayClass {
     pub const ALL: [RayClass; 5] =
         [RayClass::Thin, RayClass::Medium, RayClass::Thick, RayClass::Spiky, RayClass::FarMajorant];
 
-    /// Its name.
+    /// Name of the class, as tables have it.
     pub const fn name(self) -> &'static str {
         match self {
             RayClass::Thin => "thin",
@@ -47,15 +47,15 @@ pub struct LabRay {
     pub direction: Vec3,
     /// Optical depth to infinity.
     pub optical_depth: f64,
-    /// Its class: the first of spiky, far-majorant and the depth's that fits.
+    /// Class of the ray: the first of spiky, far-majorant and the depth's that fits.
     pub class: RayClass,
 }
 
 /// Candidates that are looked at before a class is left with what was found.
 const CANDIDATES: u32 = 40_000;
 
-/// Shadow rays of a medium: from points where it is dense, in random directions, up to `per_class` of each class. Some assets have no ray of a
-/// class, or few.
+/// Shadow rays of a medium: from points where it is dense, in random directions, up to `per_class`
+/// of each class. Some assets have no ray of a class, or few.
 pub fn classed_rays(medium: &Medium, per_class: usize, seed: u64) -> Vec<LabRay> {
     let Some(Bounds3 { low, high }) = medium.bounds_world() else {
         return Vec::new();

@@ -37,8 +37,8 @@ impl RenderMethod {
         light_sampling: LightSampling::Both,
     };
 
-    /// The methods of a chart: the plan's choice, every estimator beside its flights, every sampler beside ratio tracking, both regular, looser
-    /// majorants.
+    /// The methods of a chart: the plan's choice, every estimator beside its flights, every sampler
+    /// beside ratio tracking, both regular, looser majorants.
     pub fn all() -> Vec<RenderMethod> {
         let auto = RenderMethod::AUTO;
         let mut methods = vec![auto];
@@ -68,8 +68,8 @@ impl RenderMethod {
         methods
     }
 
-    /// `distance+transmittance`, with `@structure` where it is not the default, `*factor` where majorants are scaled and `/paths` where no shadow ray is sent to what
-    /// paths can meet.
+    /// `distance+transmittance`, with `@structure` where it is not the default, `*factor` where
+    /// majorants are scaled and `/paths` where no shadow ray is sent to what paths can meet.
     pub fn name(&self) -> String {
         let structure = if self.majorants == MajorantStructure::default() {
             String::new()
@@ -194,10 +194,12 @@ impl Run<'_> {
     }
 }
 
-/// Renders a scene by all methods, in turns that double their samples, and judges them against a reference.
+/// Renders a scene by all methods, in turns that double their samples, and judges them against a
+/// reference.
 ///
 /// # Errors
-/// If the scene cannot be rendered or images not compared. Methods that the scene does not allow are left out and named.
+/// If the scene cannot be rendered or images not compared. Methods that the scene does not allow
+/// are left out and named.
 pub fn chart_render(experiment: &RenderExperiment<'_>) -> Result<Chart, Error> {
     let RenderExperiment { scene, settings, .. } = experiment;
     let mut notes = Vec::new();

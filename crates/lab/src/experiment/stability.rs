@@ -1,4 +1,5 @@
-//! Where methods break: every transmittance estimator and every sampler of flights against every stress.
+//! Where methods break: every transmittance estimator and every sampler of flights against every
+//! stress.
 
 use super::laws::Levels;
 use super::measure::Samples;
@@ -20,13 +21,15 @@ use rayon::prelude::*;
 
 /// Estimates per cell, unless they are dear.
 const SAMPLES: u32 = 4096;
-/// Lookups and steps per cell after which no further estimate is made: a count, so that the outcome is the same on every machine.
+/// Lookups and steps per cell after which no further estimate is made: a count, so that the outcome
+/// is the same on every machine.
 const MOST_EVENTS: u64 = 20_000_000;
 /// |z| beyond which a mean is wrong: by chance once in ten thousand tables of a thousand cells.
 const Z_LIMIT: f64 = 5.5;
 /// Relative standard deviation above which a method is noisy: a hundred estimates still leave 30 %.
 const NOISY: f64 = 3.0;
-/// And above which it fails: ten thousand leave one.
+/// Relative standard deviation above which a method fails: ten thousand estimates still leave 100
+/// %.
 const FAILS: f64 = 100.0;
 /// Transmittance below which nothing is asked: single precision ends there.
 const SMALLEST: f64 = 1e-37;
@@ -47,7 +50,7 @@ pub enum Verdict {
 }
 
 impl Verdict {
-    /// Its name.
+    /// Name of the verdict, as tables have it.
     pub const fn name(self) -> &'static str {
         match self {
             Verdict::Ok => "ok",
@@ -211,7 +214,8 @@ fn estimate<F: ExactField, C: Channels>(
     }
 }
 
-/// Flights by where they end: eight parts of equal probability in the first channel and the escape, and their total weight, whose mean is one.
+/// Flights by where they end: eight parts of equal probability in the first channel and the escape,
+/// and their total weight, whose mean is one.
 fn fly<F: ExactField, C: Channels>(
     sampler: DistanceSampler,
     field: impl Fn() -> F,
@@ -627,7 +631,7 @@ impl Stability {
         page
     }
 
-    /// As a chart, with deviation over optical depth and over looseness.
+    /// The map as a chart, with deviation over optical depth and over looseness.
     pub fn chart(&self) -> Chart {
         let along = |prefix: &str| -> Vec<Series> {
             let mut series: Vec<Series> = Vec::new();

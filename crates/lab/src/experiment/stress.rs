@@ -1,4 +1,5 @@
-//! What methods are asked by the table of stability: closed forms, rays of grids and small pictures.
+//! What methods are asked by the table of stability: closed forms, rays of grids and small
+//! pictures.
 
 use crate::Error;
 use crate::profile::{Profile, ProfileCase};
@@ -49,8 +50,8 @@ fn constant(depth: f64, bound: f64) -> ProfileCase {
     }
 }
 
-/// Waves about an extinction of `depth` on unit length, between a fifth and nine fifths of it; not a whole number of them, so that equidistant
-/// samples do not cancel their error.
+/// Waves about an extinction of `depth` on unit length, between a fifth and nine fifths of it; not
+/// a whole number of them, so that equidistant samples do not cancel their error.
 fn waves(depth: f64, looseness: f64) -> ProfileCase {
     ProfileCase {
         name: String::new(),
@@ -100,7 +101,8 @@ fn grid(
     Ok(Arc::new(medium.map_err(Error::Media)?))
 }
 
-/// The picture of a lumpy cube under an image of constant light, under constant light, or by a point light alone.
+/// The picture of a lumpy cube under an image of constant light, under constant light, or by a
+/// point light alone.
 #[derive(Clone, Copy, PartialEq)]
 enum Lit {
     ByImage,
@@ -169,8 +171,8 @@ fn depth(grid: &Medium, origin: DVec3, direction: DVec3, t_max: f64) -> f64 {
     optical_depth(grid, origin, direction, 0.0, t_max, &mut Tally::default())
 }
 
-/// Radiance scattered once from a point light of unit intensity by isotropic, white lumps: midpoints in the angle seen from the light, on each
-/// side of the point nearest to it.
+/// Radiance scattered once from a point light of unit intensity by isotropic, white lumps:
+/// midpoints in the angle seen from the light, on each side of the point nearest to it.
 fn single_scattering(grid: &Medium, origin: DVec3, direction: Vec3, light: DVec3) -> f64 {
     const POINTS: u32 = 400;
     let Some(span) = grid.span(origin, direction, f64::INFINITY) else {

@@ -19,7 +19,8 @@ pub enum TransmittanceMethod {
     Named(Estimator),
     /// Residual ratio tracking about the middle of minorant and majorant.
     ResidualRatioMiddle,
-    /// Unbiased ray marching with symmetric means on stretches of at most this majorant depth, cut at majorant cells.
+    /// Unbiased ray marching with symmetric means on stretches of at most this majorant depth, cut
+    /// at majorant cells.
     UnbiasedRayMarchingCut(f32),
     /// Debiased ray marching on such stretches.
     DebiasedRayMarchingCut(f32),
@@ -36,7 +37,7 @@ impl TransmittanceMethod {
         methods
     }
 
-    /// Its name.
+    /// Name of the method, as charts have it.
     pub fn name(self) -> String {
         match self {
             TransmittanceMethod::Named(estimator) => estimator.name().to_owned(),
@@ -158,7 +159,8 @@ impl VoxelKernel for OnGrid<'_> {
     }
 }
 
-/// Largest |z| that chance explains: for the normal law, once in a million charts of a hundred rays and twenty methods.
+/// Largest |z| that chance explains: for the normal law, once in a million charts of a hundred rays
+/// and twenty methods.
 const Z_LIMIT: f64 = 6.5;
 
 /// Pooled figures of one method on the rays of one class.
@@ -215,7 +217,8 @@ fn pool(measured: &[&Measured]) -> Pooled {
 /// Relative error below which a curve shows the rounding of single precision, not noise.
 const ROUNDING: f64 = 1e-5;
 
-/// Slope of the error over time on logarithmic axes, by least squares; `NaN` without error beyond rounding.
+/// Slope of the error over time on logarithmic axes, by least squares; `NaN` without error beyond
+/// rounding.
 fn slope(curve: &[[f64; 2]]) -> f64 {
     let points: Vec<[f64; 2]> =
         curve.iter().filter(|p| p[1] > ROUNDING).map(|p| [p[0].ln(), p[1].ln()]).collect();

@@ -1,4 +1,5 @@
-//! Decomposition tracking [Kutz et al. 2017]: the minorant is a medium of its own, whose collisions need no lookup.
+//! Decomposition tracking [Kutz et al. 2017]: the minorant is a medium of its own, whose collisions
+//! need no lookup.
 
 use super::spectral::real_probability;
 use super::{Flight, WeightedFlight};
@@ -12,10 +13,11 @@ use rand_core::Rng;
 
 /// Flies to the next real collision.
 ///
-/// Two independent processes, the minorant's and the residual's, of which the nearer event wins: one process of their summed rate, the majorant,
-/// whose events belong to the minorant with probability `minorant / majorant`. Those are real and save their lookup; the others are real
-/// with probability `(sigma_t - minorant) / (majorant - minorant)`. The law of flights is delta (spectral) tracking's; channels as there.
-/// Unbiased for bounds that hold.
+/// Two independent processes, the minorant's and the residual's, of which the nearer event wins:
+/// one process of their summed rate, the majorant, whose events belong to the minorant with
+/// probability `minorant / majorant`. Those are real and save their lookup; the others are real
+/// with probability `(sigma_t - minorant) / (majorant - minorant)`. The law of flights, and how
+/// channels share them, is that of delta (spectral) tracking. Unbiased for bounds that hold.
 #[inline(always)]
 pub fn decomposition_tracking<F: RayField, C: Channels, R: Rng + ?Sized>(
     mut walk: TentativeCollisions<F>,

@@ -13,9 +13,11 @@ use rand_core::Rng;
 
 /// Flies to the next real collision.
 ///
-/// Exact: the collision has density `sigma_t(t) exp(-tau(0, t))`. Mean lookups: the majorant optical depth up to the end of the flight.
-/// `null` is told the probability with which each null collision was a null one, which multiple importance sampling multiplies up.
-/// A lookup above its majorant (a wrong bound) counts as a violation and is accepted as a collision: the flight is then biased.
+/// Exact: the collision has density `sigma_t(t) exp(-tau(0, t))`. Mean lookups: the majorant
+/// optical depth up to the end of the flight. `null` is told the probability with which each null
+/// collision was a null one, which multiple importance sampling multiplies up. A lookup above its
+/// majorant (a wrong bound) counts as a violation and is accepted as a collision: the flight is
+/// then biased.
 #[inline(always)]
 pub fn delta_tracking<F: RayField, R: Rng + ?Sized>(
     mut walk: TentativeCollisions<F>,
@@ -39,10 +41,12 @@ pub fn delta_tracking<F: RayField, R: Rng + ?Sized>(
     flight
 }
 
-/// Delta tracking of several channels, real or null by their plain mean, whatever their throughput; all are weighted.
+/// Delta tracking of several channels, real or null by their plain mean, whatever their throughput;
+/// all are weighted.
 ///
-/// Unbiased for bounds that hold. The weight of a channel with less than the mean extinction grows at every null collision, without limit: what
-/// spectral tracking is for. (Deciding by one channel alone would be biased: where it fills its majorant nothing would ever get through for the
+/// Unbiased for bounds that hold. The weight of a channel with less than the mean extinction grows
+/// at every null collision, without limit: what spectral tracking is for. (Deciding by one channel
+/// alone would be biased: where it fills its majorant nothing would ever get through for the
 /// others.)
 #[inline(always)]
 pub fn delta_tracking_by_mean<F: RayField, C: Channels, R: Rng + ?Sized>(

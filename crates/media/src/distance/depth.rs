@@ -1,4 +1,5 @@
-//! Flights by optical depth: an exponential depth is drawn and inverted. Shared by the samplers that can invert it.
+//! Flights by optical depth: an exponential depth is drawn and inverted. Shared by the samplers
+//! that can invert it.
 
 use super::{Flight, WeightedFlight};
 use crate::channels::Channels;
@@ -30,11 +31,13 @@ pub(super) fn choose_channel<S: Spectrum, R: Rng + ?Sized>(beta: S, rng: &mut R)
     S::COUNT - 1
 }
 
-/// Flies until the optical depth reaches `drawn`, an exponential variate of mean one. `t_at_depth`: the ray parameter up to which the field's
-/// optical depth is that of its argument, or the depth of the whole ray if it is less.
+/// Flies until the optical depth reaches `drawn`, an exponential variate of mean one. `t_at_depth`:
+/// the ray parameter up to which the field's optical depth is that of its argument, or the depth of
+/// the whole ray if it is less.
 ///
-/// With several channels the depth is drawn for one, chosen in proportion to the throughput, and weighted by the mean of the densities that all
-/// channels would have had (balance heuristic): no channel's throughput exceeds the number of channels times the mean.
+/// With several channels the depth is drawn for one, chosen in proportion to the throughput, and
+/// weighted by the mean of the densities that all channels would have had (balance heuristic): no
+/// channel's throughput exceeds the number of channels times the mean.
 pub(super) fn fly_by_depth<C: Channels, R: Rng + ?Sized>(
     channels: C,
     beta: C::Value,

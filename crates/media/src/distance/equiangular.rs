@@ -1,8 +1,10 @@
-//! Equiangular sampling [Kulla and Fajardo 2012]: points on a ray in proportion to the inverse square of the distance to a light.
+//! Equiangular sampling [Kulla and Fajardo 2012]: points on a ray in proportion to the inverse
+//! square of the distance to a light.
 
 use glam::{DVec3, Vec3};
 
-/// Smallest distance of a light from the ray's line, relative to its distance along it: keeps the angle away from a step.
+/// Smallest distance of a light from the ray's line, relative to its distance along it: keeps the
+/// angle away from a step.
 const CLOSEST: f64 = 1e-7;
 
 /// Points on a part of a ray, uniform in the angle at which a light sees them.
@@ -18,7 +20,8 @@ pub struct Equiangular {
 }
 
 impl Equiangular {
-    /// For the part `t0..t1` of the ray `origin + t direction` (`direction` a unit vector, `t1` may be infinite) and a light at `light`.
+    /// For the part `t0..t1` of the ray `origin + t direction` (`direction` a unit vector, `t1` may
+    /// be infinite) and a light at `light`.
     ///
     /// `None` if the part is empty.
     pub fn new(
@@ -51,7 +54,8 @@ impl Equiangular {
         self.distance / ((self.high - self.low) * squared)
     }
 
-    /// Integral of the inverse squared distance to the light over the part, 1/length: what the light can send there.
+    /// Integral of the inverse squared distance to the light over the part, 1/length: what the
+    /// light can send there.
     pub fn received(&self) -> f64 {
         (self.high - self.low) / self.distance
     }

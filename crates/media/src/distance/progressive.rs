@@ -1,9 +1,10 @@
 //! Progressive bounds [Misso et al. 2023]: guessed majorants that learn from what exceeds them.
 //!
-//! For fields whose bounds are not known. The medium is clamped to the bounds (biased, without the noise of negative weights); what exceeded
-//! them is remembered and raises them for later samples. The mean over samples is consistent: its bias falls as one over their number once
-//! every excess has been seen. Samples depend on those before them, so that a render by this scheme could not be split over machines: Pileus
-//! offers it to experiments, and bounds its grids by proof.
+//! For fields whose bounds are not known. The medium is clamped to the bounds (biased, without the
+//! noise of negative weights); what exceeded them is remembered and raises them for later samples.
+//! The mean over samples is consistent: its bias falls as one over their number once every excess
+//! has been seen. Samples depend on those before them, so that a render by this scheme could not be
+//! split over machines: Pileus offers it to experiments, and bounds its grids by proof.
 
 use crate::field::{MajorantSegment, RayField};
 use std::cell::Cell;
@@ -28,12 +29,14 @@ impl ProgressiveBounds {
         &self.bounds
     }
 
-    /// The field of extinction `sigma_t` under these bounds, clamped to them; sees and remembers what exceeds them.
+    /// The field of extinction `sigma_t` under these bounds, clamped to them; sees and remembers
+    /// what exceeds them.
     pub fn ray<S: Fn(f32) -> f32>(&self, sigma_t: S) -> ProgressiveRay<'_, S> {
         ProgressiveRay { bounds: self, sigma_t, next: 0 }
     }
 
-    /// Raises the bounds to what was seen since, times `slack` (at least 1); returns how many cells were raised.
+    /// Raises the bounds to what was seen since, times `slack` (at least 1); returns how many cells
+    /// were raised.
     pub fn raise(&mut self, slack: f32) -> usize {
         let mut raised = 0;
         for (bound, seen) in self.bounds.iter_mut().zip(&self.seen) {

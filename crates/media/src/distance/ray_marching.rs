@@ -12,11 +12,12 @@ use rand_core::Rng;
 /// Steps along a whole ray.
 pub const MARCHING_STEPS: u32 = 64;
 
-/// A **biased** flight: the extinction is taken for constant in each of `steps` equal parts of the ray's segments, at the value of one random
-/// point, the same in all parts.
+/// A **biased** flight: the extinction is taken for constant in each of `steps` equal parts of the
+/// ray's segments, at the value of one random point, the same in all parts.
 ///
-/// Collisions are smeared over a part and the transmittance is too bright by Jensen's inequality; the error falls with the square of the parts'
-/// length where the extinction is smooth. `drawn`: an exponential variate.
+/// Collisions are smeared over a part and the transmittance is too bright by Jensen's inequality;
+/// the error falls with the square of the parts' length where the extinction is smooth. `drawn`: an
+/// exponential variate.
 pub fn ray_marching_flight<F: RayField, C: Channels, R: Rng + ?Sized>(
     field: F,
     channels: C,

@@ -9,8 +9,9 @@ use rand_core::Rng;
 
 /// Flies until the optical depth reaches `drawn`, an exponential variate.
 ///
-/// Exact; no null collisions; on escape the transmittance is known, so that other techniques can weigh against it. Cost: every voxel on the
-/// way. A field per channel: one channel chosen by the throughput `beta`, balance heuristic over channels.
+/// Exact; no null collisions; on escape the transmittance is known, so that other techniques can
+/// weigh against it. Cost: every voxel on the way. A field per channel: one channel chosen by the
+/// throughput `beta`, balance heuristic over channels.
 pub fn regular_flight<F: ExactField, C: Channels, R: Rng + ?Sized>(
     field: &F,
     channels: C,

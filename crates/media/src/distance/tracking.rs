@@ -1,4 +1,5 @@
-//! The walk that all trackers share which look up the extinction at every tentative collision; they differ in how they decide.
+//! The walk that all trackers share which look up the extinction at every tentative collision; they
+//! differ in how they decide.
 
 use super::{Flight, WeightedFlight};
 use crate::channels::Channels;
@@ -9,8 +10,9 @@ use pileus_math::Spectrum;
 use pileus_math::random::happens;
 use rand_core::Rng;
 
-/// Walks until a tentative collision is taken for real. `probability`: of that decision, from extinction over majorant per channel and the
-/// throughput; zero only if the extinction is zero in every channel of non-zero throughput.
+/// Walks until a tentative collision is taken for real. `probability`: of that decision, from
+/// extinction over majorant per channel and the throughput; zero only if the extinction is zero in
+/// every channel of non-zero throughput.
 #[inline(always)]
 pub(super) fn track<F: RayField, C: Channels, R: Rng + ?Sized>(
     mut walk: TentativeCollisions<F>,

@@ -9,11 +9,15 @@ use crate::tally::Tally;
 use pileus_math::Spectrum;
 use rand_core::Rng;
 
-/// Flies until the optical depth reaches one drawn from the law of `passage`. `drawn`: an exponential variate.
+/// Flies until the optical depth reaches one drawn from the law of `passage`. `drawn`: an
+/// exponential variate.
 ///
-/// Exact: the collision has the density `p_u` or `p_c` of the law times the extinction, the escape the survival `X_u` or `X_c`. Null collisions do not apply: the law has a memory. With several
-/// channels the depth is drawn for one, chosen in proportion to the throughput, and weighted by the mean over channels of the densities that all would have had (balance heuristic);
-/// where the law has an atom, which channels of other extinction do not share, a collision counts for those of the chosen one's alone. Grey media stay grey. Cost: every voxel on the way.
+/// Exact: the collision has the density `p_u` or `p_c` of the law times the extinction, the escape
+/// the survival `X_u` or `X_c`. Null collisions do not apply: the law has a memory. With several
+/// channels the depth is drawn for one, chosen in proportion to the throughput, and weighted by the
+/// mean over channels of the densities that all would have had (balance heuristic); where the law
+/// has an atom, which channels of other extinction do not share, a collision counts for those of
+/// the chosen one's alone. Grey media stay grey. Cost: every voxel on the way.
 pub fn regular_flight_under_law<F: ExactField, C: Channels, R: Rng + ?Sized>(
     field: &F,
     passage: Passage<'_>,
@@ -64,7 +68,8 @@ pub fn regular_flight_under_law<F: ExactField, C: Channels, R: Rng + ?Sized>(
     WeightedFlight { flight: Flight::Escape, weight, null_probability: 1.0 }
 }
 
-/// One over the probability that one of the channels `chosen` (one, others zero) was, in those alone.
+/// One over the probability that one of the channels `chosen` (one, others zero) was, in those
+/// alone.
 fn alone<S: Spectrum>(chosen: S, beta: S) -> S {
     chosen * (1.0 / chosen.mean_by(beta))
 }

@@ -6,7 +6,8 @@ use pileus_math::elementary::{exp, ln};
 use pileus_math::luminance;
 use std::sync::OnceLock;
 
-/// Below this temperature nothing is given off, kelvin: the luminance is some 1e-13 of that at 2000 K.
+/// Below this temperature nothing is given off, kelvin: the luminance is some 1e-13 of that at 2000
+/// K.
 pub const COLDEST_KELVIN: f64 = 500.0;
 /// Above this temperature radiation stays what it is there, kelvin.
 pub const HOTTEST_KELVIN: f64 = 20_000.0;
@@ -21,18 +22,24 @@ const LEVELS: usize = 11;
 /// How much a black body gives off.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum BlackbodyRadiance {
-    /// Planck's radiance, W/(m^2 sr): the luminance of the colour is that of the body over 683 lm/W.
+    /// Planck's radiance, W/(m^2 sr): the luminance of the colour is that of the body over 683
+    /// lm/W.
     #[default]
     Absolute,
-    /// The same colour at luminance 1, from 0 at 500 K rising linearly to 1 at 800 K (about Draper's point, below which nothing is seen to glow).
+    /// The body's colour at luminance 1, from 0 at 500 K rising linearly to 1 at 800 K (about
+    /// Draper's point, below which nothing is seen to glow).
     Normalised,
 }
 
-/// Radiance of a black body at `kelvin` in linear Rec. 709: W/(m^2 sr) when absolute, of luminance 1 when normalised.
+/// Radiance of a black body at `kelvin` in linear Rec. 709: W/(m^2 sr) when absolute, of luminance
+/// 1 when normalised.
 ///
-/// Planck's law weighted by the CIE 1931 2 degree observer, without the factor of 683 lm/W. Black below 500 K, constant above 20000 K. Where the colour lies outside the
-/// gamut (below some 1900 K) its negative channels are set to zero and the others scaled so that the luminance stays that of the body. From a table of 1024 intervals in
-/// `1 / sqrt(T)`, logarithmic in luminance: the relative error against direct integration is below 2e-5 in luminance and below 3e-4 of the largest channel.
+/// Planck's law weighted by the CIE 1931 2 degree observer, without the factor of 683 lm/W. Black
+/// below 500 K, constant above 20000 K. Where the colour lies outside the gamut (below some 1900 K)
+/// its negative channels are set to zero and the others scaled so that the luminance stays that of
+/// the body. From a table of 1024 intervals in `1 / sqrt(T)`, logarithmic in luminance: the
+/// relative error against direct integration is below 2e-5 in luminance and below 3e-4 of the
+/// largest channel.
 pub fn blackbody(kelvin: f64, radiance: BlackbodyRadiance) -> Vec3 {
     // Negated so that NaN is black.
     if !(kelvin >= COLDEST_KELVIN) {
@@ -69,7 +76,8 @@ fn glow(kelvin: f64) -> f32 {
     ((kelvin - COLDEST_KELVIN) / (DRAPER - COLDEST_KELVIN)).min(1.0) as f32
 }
 
-/// Nodes at equal steps of `1 / sqrt(T)`, from cold to hot: there the logarithm of radiance is nearly a parabola (Wien), and hot colours are not too far apart.
+/// Nodes at equal steps of `1 / sqrt(T)`, from cold to hot: there the logarithm of radiance is
+/// nearly a parabola (Wien), and hot colours are not too far apart.
 struct Table {
     ln_luminance: Vec<f32>,
     /// Colour of luminance 1.

@@ -9,8 +9,8 @@ use pileus_math::Bounds3;
 use std::sync::Arc;
 
 /// A grid of bounds placed in the world. Points of line integrals are spread by a *rate*, the bound
-/// of the cells around times a constant, on cells that are a function of the point alone, also where
-/// voxels are longer along some axes: the rate at a point is known without a ray.
+/// of the cells around times a constant, on cells that are a function of the point alone, also
+/// where voxels are longer along some axes: the rate at a point is known without a ray.
 #[derive(Debug, Clone)]
 pub(super) struct EmissionBounds {
     placed: PlacedGrid,

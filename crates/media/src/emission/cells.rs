@@ -1,7 +1,10 @@
-//! Bounds of the emission on a grid of their own: cells of one voxel where it varies, tiles where it does not.
+//! Bounds of the emission on a grid of their own: cells of one voxel where it varies, tiles where
+//! it does not.
 //!
-//! Cell `i` of the bounds spans `[i, i + 1]` of the source's index space, whatever the transforms of its grids. The descent goes from cubes around everything to cubes of
-//! 8 voxels, as far as there may be light: its time and memory go with the bricks of the grids, not with the space they span.
+//! Cell `i` of the bounds spans `[i, i + 1]` of the source's index space, whatever the transforms
+//! of its grids. The descent goes from cubes around everything to cubes of 8 voxels, as far as
+//! there may be light: its time and memory go with the bricks of the grids, not with the space they
+//! span.
 
 use super::source::{Bound, EmissionSource};
 use crate::Error;
@@ -133,13 +136,15 @@ impl Cells {
         VoxelGrid::from_tree(&tree, &VoxelGridOptions { interpolation: Interpolation::Nearest })
     }
 
-    /// Mean of the bound's integral over all lines parallel to the axes of index space that meet a brick or block, per world length.
+    /// Mean of the bound's integral over all lines parallel to the axes of index space that meet a
+    /// brick or block, per world length.
     pub(super) fn mean_along_lines(&self, index_to_world: &DMat3) -> f64 {
         let cubes = || {
             let bricks = self.bricks.iter().map(|brick| brick.cube);
             bricks.chain(self.blocks.iter().map(|block| block.cube))
         };
-        // Cubes are aligned: seen along an axis, one hides another or does not touch it. Larger ones first.
+        // Cubes are aligned: seen along an axis, one hides another or does not touch it. Larger
+        // ones first.
         let mut sizes: Vec<u32> = cubes().map(|cube| cube.log2).collect();
         sizes.sort_unstable_by(|a, b| b.cmp(a));
         sizes.dedup();
@@ -180,7 +185,8 @@ fn descend(source: &EmissionSource) -> (Vec<Cube>, Vec<(Cube, Bound)>) {
     let Some(Bounds3 { low, high }) = source.support() else { return (Vec::new(), Vec::new()) };
     let first = low.floor().to_array().map(|c| c as i64);
     let last = high.ceil().to_array().map(|c| c as i64 - 1);
-    // Cubes of which two along an axis cover everything; below 2^30, so that origins and edges stay in range.
+    // Cubes of which two along an axis cover everything; below 2^30, so that origins and edges stay
+    // in range.
     let mut log2 = BRICK;
     while log2 < 29 && (0..3).any(|axis| (last[axis] >> log2) - (first[axis] >> log2) > 1) {
         log2 += 1;
@@ -194,7 +200,8 @@ fn descend(source: &EmissionSource) -> (Vec<Cube>, Vec<(Cube, Bound)>) {
             }
         }
     }
-    // Grids of very different resolution could ask for any number of bricks: no more than the grids themselves have, times a few.
+    // Grids of very different resolution could ask for any number of bricks: no more than the grids
+    // themselves have, times a few.
     let budget = source.bricks().saturating_mul(4).saturating_add(1 << 13);
     let mut blocks = Vec::new();
     loop {
@@ -207,7 +214,8 @@ fn descend(source: &EmissionSource) -> (Vec<Cube>, Vec<(Cube, Bound)>) {
                 varied.push(*cube);
             }
         }
-        // Larger cubes than the largest tile each hold a tile or a leaf of the file: they are no more than those.
+        // Larger cubes than the largest tile each hold a tile or a leaf of the file: they are no
+        // more than those.
         if varied.len() as u64 > budget
             && let Some(size) = TILES.into_iter().find(|tile| *tile >= log2)
         {
@@ -238,7 +246,8 @@ fn power_of_two_above(value: f32) -> f32 {
     }
 }
 
-/// Luminance at the nodes of a Gauss rule of two points per axis, mean over them: exact over a cell for products of three linear interpolations.
+/// Luminance at the nodes of a Gauss rule of two points per axis, mean over them: exact over a cell
+/// for products of three linear interpolations.
 fn mean_luminance(source: &EmissionSource, low: DVec3, edge: f64) -> f32 {
     const NODES: [f64; 2] = [0.211_324_865_405_187_1, 0.788_675_134_594_812_9];
     let mut sum = Vec3::ZERO;

@@ -1,8 +1,10 @@
 //! Directions towards a field of emission, by what is seen from a point.
 //!
-//! A point of the field is drawn, uniform in a cell of a coarse lattice, and its direction taken. What the direction is worth is then a matter of the whole line: the density of the
-//! direction is that of all points on it, `INT q(t) t^2 dt` for a density `q` per volume, which is a sum over the cells on the line. Cells are drawn by what they
-//! give off and let out towards the point: the optical depth to the outside is tabulated along the 26 directions to the neighbours of a cell.
+//! A point of the field is drawn, uniform in a cell of a coarse lattice, and its direction taken.
+//! What the direction is worth is then a matter of the whole line: the density of the direction is
+//! that of all points on it, `INT q(t) t^2 dt` for a density `q` per volume, which is a sum over
+//! the cells on the line. Cells are drawn by what they give off and let out towards the point: the
+//! optical depth to the outside is tabulated along the 26 directions to the neighbours of a cell.
 
 use super::field::EmissionField;
 use glam::{DAffine3, DVec3, Vec3};
@@ -53,7 +55,7 @@ struct Block {
     spread2: f32,
     /// What it lets out, by class.
     weights: [f32; CLASSES],
-    /// Its part of the list of cells.
+    /// Range of the list of cells that belong to it.
     cells: std::ops::Range<usize>,
 }
 
@@ -89,7 +91,8 @@ fn neighbour(class: usize) -> [i32; 3] {
 }
 
 impl EmissionDirections {
-    /// Tables for a field in media of extinction `sigma_t` (1/length, at a point in the world); `None` if nothing emits. Extinction is looked up at eight points of every cell of the
+    /// Tables for a field in media of extinction `sigma_t` (1/length, at a point in the world);
+    /// `None` if nothing emits. Extinction is looked up at eight points of every cell of the
     /// lattice and of a quarter more on every side; what it is changes noise alone.
     pub fn new(
         field: &EmissionField,
@@ -207,7 +210,8 @@ impl EmissionDirections {
 
     /// A direction from the view's point towards the field; `None` if it sees nothing.
     ///
-    /// The first two numbers make one of 48 bits, which selects block and cell and then, stretched, the place along x.
+    /// The first two numbers make one of 48 bits, which selects block and cell and then, stretched,
+    /// the place along x.
     pub fn sample(&self, view: &EmissionView, u: [f32; 4]) -> Option<Vec3> {
         let u = u.map(f64::from);
         let mut x = (u[0] + u[1] / 16_777_216.0) * f64::from(view.total);
@@ -241,7 +245,8 @@ impl EmissionDirections {
         (wi.length_squared() > 0.5).then_some(wi)
     }
 
-    /// Density of [`sample`](EmissionDirections::sample) in a direction, 1/sr. Exact but for rounding.
+    /// Density of [`sample`](EmissionDirections::sample) in a direction, 1/sr. Exact but for
+    /// rounding.
     pub fn pdf(&self, view: &EmissionView, wi: Vec3) -> f32 {
         let o = self.world_to_lattice.transform_point3(view.p);
         let d = self.world_to_lattice.transform_vector3(wi.as_dvec3());
@@ -351,8 +356,9 @@ impl Depths {
         Depths { size, margin, sigma_t, steps: std::array::from_fn(step) }
     }
 
-    /// What each cell of the lattice lets out of its light towards a neighbour and on: the mean transmittance within it, by that of everything beyond. Amid the cells nothing but the
-    /// first is known.
+    /// What each cell of the lattice lets out of its light towards a neighbour and on: the mean
+    /// transmittance within it, by that of everything beyond. Amid the cells nothing but the first
+    /// is known.
     fn let_out(&self, class: usize) -> Vec<f32> {
         let around = [0, 1, 2].map(|axis| self.size[axis] + 2 * self.margin[axis]);
         let index = |at: [usize; 3]| (at[0] * around[1] + at[1]) * around[2] + at[2];
@@ -399,7 +405,8 @@ impl Depths {
 mod tests {
     use super::*;
 
-    /// Smoke of one extinction: the closed form of what a slab of cells lets out, towards a face and along a diagonal.
+    /// Smoke of one extinction: the closed form of what a slab of cells lets out, towards a face
+    /// and along a diagonal.
     #[test]
     fn what_is_let_out_is_the_closed_form() {
         let edge = 0.5f64;

@@ -15,10 +15,13 @@ use std::time::Instant;
 /// Points on a line through the emission, on average over lines that meet it.
 const POINTS_PER_LINE: f64 = 8.0;
 
-/// A field of emission in the world: radiance per scene unit, whatever the extinction. Immutable; cheap to copy, since everything large is shared.
+/// A field of emission in the world: radiance per scene unit, whatever the extinction. Immutable;
+/// cheap to copy, since everything large is shared.
 ///
-/// Along rays, points are spread by a *rate*: a factor times an upper bound of the emission in the cells around. The factor is a constant of the field, such that eight
-/// points fall on a line that meets it, averaged over lines parallel to the axes of its index space; through the brightest parts there are more.
+/// Along rays, points are spread by a *rate*: a factor times an upper bound of the emission in the
+/// cells around. The factor is a constant of the field, such that eight points fall on a line that
+/// meets it, averaged over lines parallel to the axes of its index space; through the brightest
+/// parts there are more.
 #[derive(Debug, Clone)]
 pub struct EmissionField {
     source: Arc<EmissionSource>,
@@ -38,7 +41,8 @@ pub struct EmissionPoint {
     pub t: f64,
     /// Where, in the world.
     pub p: DVec3,
-    /// Emission over rate, radiance: its sum over all points estimates the line integral of the emission.
+    /// Emission over rate, radiance: its sum over all points estimates the line integral of the
+    /// emission.
     pub contribution: Vec3,
     /// Points per length here, positive.
     pub rate: f32,
@@ -48,7 +52,8 @@ impl EmissionField {
     /// Places a source by `index_to_world`, from the index space of its first grid.
     ///
     /// # Errors
-    /// If a number is negative, not finite or out of range, if the transform is singular, or if the emission does not end.
+    /// If a number is negative, not finite or out of range, if the transform is singular, or if the
+    /// emission does not end.
     pub fn new(source: EmissionSource, index_to_world: DAffine3) -> Result<EmissionField, Error> {
         let start = Instant::now();
         let source = source.checked()?;
@@ -99,11 +104,15 @@ impl EmissionField {
         self.source.at(self.world_to_index.transform_point3(p_world))
     }
 
-    /// Visits points of the ray `origin + t direction`, t in [0, t_max], for line integrals: the sum of `contribution * w(t)` over them is an unbiased estimate of the
-    /// integral of `emission * w` along the ray, for any `w`, if `u` is uniform in [0, 1). `direction` is a unit vector.
+    /// Visits points of the ray `origin + t direction`, t in [0, t_max], for line integrals: the
+    /// sum of `contribution * w(t)` over them is an unbiased estimate of the integral of
+    /// `emission * w` along the ray, for any `w`, if `u` is uniform in [0, 1). `direction` is a
+    /// unit vector.
     ///
-    /// The points are systematic: where the integral of the rate from the origin is `u`, `u + 1`, `u + 2`, ... Empty cells are skipped, and the number of points goes with the
-    /// emission that the ray may meet: no contribution exceeds the reciprocal of the field's constant. Counts cells, lookups and lookups above their bound in `tally`.
+    /// The points are systematic: where the integral of the rate from the origin is `u`, `u + 1`,
+    /// `u + 2`, ... Empty cells are skipped, and the number of points goes with the emission that
+    /// the ray may meet: no contribution exceeds the reciprocal of the field's constant. Counts
+    /// cells, lookups and lookups above their bound in `tally`.
     pub fn points(
         &self,
         origin: DVec3,
@@ -116,7 +125,12 @@ impl EmissionField {
         self.sparse_points(origin, direction, t_max, (u, 1.0), tally, visit);
     }
 
-    /// As [`points`](EmissionField::points), `spacing` (positive) times as far apart.
+    /// Visits points of the ray `origin + t direction`, t in [0, t_max], `spacing` (positive) times
+    /// as far apart as those of [`points`](EmissionField::points).
+    ///
+    /// The sum of `contribution * w(t)` over them is an unbiased estimate of the integral of
+    /// `emission * w` along the ray, for any `w`, if `u` is uniform in [0, 1). `direction` is a
+    /// unit vector. Counts cells, lookups and lookups above their bound in `tally`.
     pub fn sparse_points(
         &self,
         origin: DVec3,
@@ -162,7 +176,8 @@ impl EmissionField {
         tally.majorant_steps += ray.steps();
     }
 
-    /// Expected number of points of [`points`](EmissionField::points) per length at a point in the world, on any ray through it.
+    /// Expected number of points of [`points`](EmissionField::points) per length at a point in the
+    /// world, on any ray through it.
     pub fn rate(&self, p_world: DVec3) -> f32 {
         self.bounds.rate_at(p_world)
     }
@@ -175,8 +190,9 @@ impl EmissionField {
         self.index_to_world
     }
 
-    /// Luminance of the emission integrated over the world; times `4 pi` the total power. By two Gauss points per axis and voxel: exact for grids and products of grids; measured
-    /// on a fire, within 0.3 % for ramps and black bodies.
+    /// Luminance of the emission integrated over the world; times `4 pi` the total power. By two
+    /// Gauss points per axis and voxel: exact for grids and products of grids; measured on a fire,
+    /// within 0.3 % for ramps and black bodies.
     pub fn power(&self) -> f64 {
         self.power
     }
@@ -278,7 +294,8 @@ mod tests {
     }
 
     proptest! {
-        /// Nowhere exceeds the emission the bound of its cell, and what emits can be met by points and drawn as a light.
+        /// Nowhere exceeds the emission the bound of its cell, and what emits can be met by points
+        /// and drawn as a light.
         #[test]
         fn bounds_hold_and_nothing_is_lost(
             kind in 0..5usize,
@@ -318,7 +335,8 @@ mod tests {
         }
     }
 
-    /// A cube of constant emission is a few blocks, whatever its size, and its sampling and power are those of a box.
+    /// A cube of constant emission is a few blocks, whatever its size, and its sampling and power
+    /// are those of a box.
     #[test]
     fn constant_regions_stay_whole() {
         let tile = Tile { origin: [0, 4096, 0], log2_size: 12, value: 2.0, active: true };
@@ -341,7 +359,8 @@ mod tests {
         }
     }
 
-    /// A temperature that varies from voxel to voxel over large tiles of density would ask for 260000 bricks: coarser bounds are taken, and still hold.
+    /// A temperature that varies from voxel to voxel over large tiles of density would ask for
+    /// 260000 bricks: coarser bounds are taken, and still hold.
     #[test]
     fn grids_of_very_different_resolution_stay_small() {
         let tiles = (0..64).map(|i| Tile {

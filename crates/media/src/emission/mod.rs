@@ -1,4 +1,5 @@
-//! Light from volumes: what a field of emission gives off, points along rays for its line integral, and directions towards it for its light.
+//! Light from volumes: what a field of emission gives off, points along rays for its line integral,
+//! and directions towards it for its light.
 
 mod blackbody;
 mod bounds;

@@ -2,7 +2,7 @@
 
 /// Shortest wavelength of the colour matching functions, nanometres.
 const FIRST_NM: f64 = 360.0;
-/// Their step, nanometres.
+/// Step between wavelengths of the colour matching functions, nanometres.
 const STEP_NM: f64 = 5.0;
 
 /// First radiation constant for radiance, `2 h c^2`, W m^2/sr (SI 2019, exact).
@@ -17,8 +17,9 @@ const RGB_OF_XYZ: [[f64; 3]; 3] = [
     [0.055_643_4, -0.204_025_9, 1.057_225_2],
 ];
 
-/// CIE XYZ of a black body at `kelvin`, W/(m^2 sr): spectral radiance weighted by the observer, without the factor of 683 lm/W, so that Y times 683 lm/W is its luminance
-/// in cd/m^2. The sum over 5 nm steps from 360 to 830 nm, by which CIE 15 defines tristimulus values.
+/// CIE XYZ of a black body at `kelvin`, W/(m^2 sr): spectral radiance weighted by the observer,
+/// without the factor of 683 lm/W, so that Y times 683 lm/W is its luminance in cd/m^2. The sum
+/// over 5 nm steps from 360 to 830 nm, by which CIE 15 defines tristimulus values.
 pub(crate) fn xyz(kelvin: f64) -> [f64; 3] {
     xyz_of_spectrum(|nm| {
         let metres = nm * 1e-9;
@@ -27,8 +28,10 @@ pub(crate) fn xyz(kelvin: f64) -> [f64; 3] {
     })
 }
 
-/// CIE XYZ of a spectrum, a function of the wavelength in nanometres whose values are per nanometre: weighted by the CIE 1931 2 degree observer, without the factor of
-/// 683 lm/W. Of spectral radiance, Y times 683 lm/W is the luminance in cd/m^2; of spectral irradiance, the illuminance in lux. The sum over 5 nm steps from 360 to 830 nm.
+/// CIE XYZ of a spectrum, a function of the wavelength in nanometres whose values are per
+/// nanometre: weighted by the CIE 1931 2 degree observer, without the factor of 683 lm/W. Of
+/// spectral radiance, Y times 683 lm/W is the luminance in cd/m^2; of spectral irradiance, the
+/// illuminance in lux. The sum over 5 nm steps from 360 to 830 nm.
 pub fn xyz_of_spectrum(spectrum: impl Fn(f64) -> f64) -> [f64; 3] {
     let mut sum = [0.0; 3];
     for (i, observer) in CIE_1931.iter().enumerate() {
@@ -45,7 +48,8 @@ pub fn rgb_of_xyz(xyz: [f64; 3]) -> [f64; 3] {
     RGB_OF_XYZ.map(|row| row.iter().zip(xyz).map(|(a, b)| a * b).sum())
 }
 
-/// `e^x` for `x` in [0, 700], the same bits on every machine: nine terms of the series at `x / 4096`, squared twelve times; relative error below 1e-12.
+/// `e^x` for `x` in [0, 700], the same bits on every machine: nine terms of the series at
+/// `x / 4096`, squared twelve times; relative error below 1e-12.
 fn exp(x: f64) -> f64 {
     let r = x / 4096.0;
     let mut series = 1.0;
@@ -55,7 +59,8 @@ fn exp(x: f64) -> f64 {
     (0..12).fold(series, |power, _| power * power)
 }
 
-/// Colour matching functions of the CIE 1931 2 degree standard observer at 360, 365, ..., 830 nm (ISO/CIE 11664-1, table of 5 nm).
+/// Colour matching functions of the CIE 1931 2 degree standard observer at 360, 365, ..., 830 nm
+/// (ISO/CIE 11664-1, table of 5 nm).
 #[rustfmt::skip]
 const CIE_1931: [[f64; 3]; 95] = [
     [0.000_129_9, 0.000_003_917, 0.000_606_1],
@@ -176,14 +181,16 @@ mod tests {
         }
     }
 
-    /// Until 1979 the candela was defined by the luminance of a black body at the freezing point of platinum, 60 cd/cm^2; its temperature is 2041.4 K on ITS-90.
+    /// Until 1979 the candela was defined by the luminance of a black body at the freezing point of
+    /// platinum, 60 cd/cm^2; its temperature is 2041.4 K on ITS-90.
     #[test]
     fn platinum_has_the_luminance_of_the_old_candela() {
         let luminance = 683.0 * xyz(2041.4)[1];
         assert!((luminance / 6.0e5 - 1.0).abs() < 0.01, "{luminance}");
     }
 
-    /// Chromaticity of CIE illuminant A, a black body at 2848 K with a second constant of 1.435e-2 m K (CIE 15).
+    /// Chromaticity of CIE illuminant A, a black body at 2848 K with a second constant of 1.435e-2
+    /// m K (CIE 15).
     #[test]
     fn illuminant_a_has_its_chromaticity() {
         let [x, y, z] = xyz(2848.0 * C2 / 1.435e-2);

@@ -14,7 +14,8 @@ impl ColorRamp {
     /// A ramp through nodes of (value, colour in radiance per length).
     ///
     /// # Errors
-    /// If there are no nodes, if their values do not ascend, or if a number is not finite or a colour negative.
+    /// If there are no nodes, if their values do not ascend, or if a number is not finite or a
+    /// colour negative.
     pub fn new(nodes: impl IntoIterator<Item = (f32, [f32; 3])>) -> Result<ColorRamp, Error> {
         let nodes: Vec<(f32, Vec3)> =
             nodes.into_iter().map(|(value, color)| (value, Vec3::from_array(color))).collect();

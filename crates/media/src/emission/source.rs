@@ -10,7 +10,8 @@ use glam::{DAffine3, DVec3, Vec3};
 use pileus_math::Bounds3;
 use std::sync::Arc;
 
-/// Where emission comes from. Index space is that of the first grid of each kind; emission is radiance per length in linear Rec. 709.
+/// Where emission comes from. Index space is that of the first grid of each kind; emission is
+/// radiance per length in linear Rec. 709.
 #[derive(Debug, Clone)]
 pub enum EmissionSource {
     /// `color * value`.
@@ -40,7 +41,8 @@ pub enum EmissionSource {
         density: Arc<VoxelGrid>,
         /// Extinction where the density is 1, 1/length.
         sigma_t: [f32; 3],
-        /// Single-scattering albedo: what is not scattered is absorbed, and absorption emits (Kirchhoff).
+        /// Single-scattering albedo: what is not scattered is absorbed, and absorption emits
+        /// (Kirchhoff).
         albedo: Albedo,
         /// The temperature.
         temperature: Arc<VoxelGrid>,
@@ -229,7 +231,8 @@ impl EmissionSource {
             }
             EmissionSource::Ramp { grid, ramp } => {
                 let (min, max) = grid.range_over(bounds);
-                // Values may lie beyond the range by rounding, where the ramp may be steep: nodes that close count.
+                // Values may lie beyond the range by rounding, where the ramp may be steep: nodes
+                // that close count.
                 let (below, above) = (min * (2.0 - MARGIN), max * MARGIN);
                 Bound { max: ramp.bound(below, above) * MARGIN, constant: min == max }
             }
@@ -243,7 +246,7 @@ impl EmissionSource {
         }
     }
 
-    /// That of a black body where there is density.
+    /// Bound of the emission of a black body in a box, where there is density.
     fn thermal_bound(&self, bounds: Bounds3, density: (f32, f32)) -> Bound {
         let EmissionSource::Blackbody {
             sigma_t,

@@ -7,7 +7,8 @@ use crate::index_map::snapped;
 use glam::{DAffine3, DVec3};
 use pileus_vdb::{LEAF_VALUES, Tree};
 
-/// A symmetric matrix per point, interpolated entry by entry, so that it stays positive: sums of positive matrices are. One outside of its grids.
+/// A symmetric matrix per point, interpolated entry by entry, so that it stays positive: sums of
+/// positive matrices are. One outside of its grids.
 #[derive(Debug, Clone)]
 struct MatrixGrid {
     diagonal: [VoxelGrid; 3],
@@ -29,17 +30,19 @@ impl MatrixGrid {
 /// How rough flakes are.
 #[derive(Debug, Clone)]
 pub enum Roughness {
-    /// The same everywhere, in [0.001, 1].
+    /// One roughness everywhere, in [0.001, 1].
     Constant(f32),
-    /// By a grid; values are clamped to [0.001, 1]. The map leads from the index space that is asked in to the grid's own.
+    /// By a grid; values are clamped to [0.001, 1]. The map leads from the index space that is
+    /// asked in to the grid's own.
     Grid(Box<(VoxelGrid, DAffine3)>),
 }
 
 impl Roughness {
-    /// From a tree of numbers; `to_index` maps the index space of the medium that asks to that of this tree.
+    /// From a tree of numbers; `to_index` maps the index space of the medium that asks to that of
+    /// this tree.
     ///
     /// # Errors
-    /// As [`VoxelGrid::from_tree`].
+    /// If the tree spans more than 2^31 voxels along an axis.
     pub fn from_tree(tree: &Tree<f32>, to_index: DAffine3) -> Result<Roughness, Error> {
         Ok(Roughness::Grid(Box::new((voxels(tree)?, snapped(to_index)))))
     }
@@ -76,10 +79,12 @@ pub struct FlakeGrid {
 }
 
 impl FlakeGrid {
-    /// From grids of the entries (xx, yy, zz) and (xy, xz, yz) of S. Where the diagonal is zero, also outside of the grids, flakes are isotropic with area 1.
+    /// From grids of the entries (xx, yy, zz) and (xy, xz, yz) of S. Where the diagonal is zero,
+    /// also outside of the grids, flakes are isotropic with area 1.
     ///
     /// # Errors
-    /// If a matrix has an eigenvalue below zero, or an entry is not finite; the message names the voxel. Else as [`VoxelGrid::from_tree`].
+    /// If a matrix has an eigenvalue below zero, or an entry is not finite; the message names the
+    /// voxel. Else as [`VoxelGrid::from_tree`].
     pub fn from_entries(
         diagonal: &Tree<[f32; 3]>,
         off_diagonal: &Tree<[f32; 3]>,
@@ -130,7 +135,7 @@ impl FlakeGrid {
     /// Flakes around fibres along a grid of axes, of any length; isotropic where the axis is zero.
     ///
     /// # Errors
-    /// As [`VoxelGrid::from_tree`].
+    /// If the tree spans more than 2^31 voxels along an axis.
     pub fn fibres(
         axes: &Tree<[f32; 3]>,
         roughness: Roughness,
@@ -142,7 +147,7 @@ impl FlakeGrid {
     /// Flakes of surfaces by a grid of normals, of any length; isotropic where the normal is zero.
     ///
     /// # Errors
-    /// As [`VoxelGrid::from_tree`].
+    /// If the tree spans more than 2^31 voxels along an axis.
     pub fn surfaces(
         normals: &Tree<[f32; 3]>,
         roughness: Roughness,

@@ -1,8 +1,10 @@
-//! Media of small flakes [Jakob et al. 2010, "A radiative transfer framework for rendering materials with anisotropic structure"]: extinction depends on the
-//! direction of the ray, scattering on both directions, and both follow from one distribution of flake normals.
+//! Media of small flakes [Jakob et al. 2010, "A radiative transfer framework for rendering
+//! materials with anisotropic structure"]: extinction depends on the direction of the ray,
+//! scattering on both directions, and both follow from one distribution of flake normals.
 //!
-//! With density `rho` (a medium's extinction where all flakes face the ray) the extinction along `w` is `rho sigma(w)`, and
-//! `sigma(w) f(w, w') = sigma(w') f(w', w)`: light paths may be reversed.
+//! With density `rho` (a medium's extinction where all flakes face the ray) the extinction along
+//! `w` is `rho sigma(w)`, and `sigma(w) f(w, w') = sigma(w') f(w', w)`: light paths may be
+//! reversed.
 
 mod grid;
 mod ray;
@@ -23,7 +25,7 @@ use std::fmt;
 /// Where the distribution of flakes comes from.
 #[derive(Debug, Clone)]
 pub enum FlakeShape {
-    /// The same everywhere.
+    /// One distribution everywhere.
     Constant(Sggx),
     /// By grids.
     Grid(Box<FlakeGrid>),
@@ -32,9 +34,9 @@ pub enum FlakeShape {
 /// How a flake scatters light.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FlakeScattering {
-    /// As a mirror.
+    /// Specular: the flake is a mirror.
     Specular,
-    /// As a Lambertian surface, on the side that it is lit from.
+    /// Diffuse: the flake is a Lambertian surface, on the side that it is lit from.
     Diffuse,
 }
 
@@ -71,12 +73,14 @@ impl Flakes {
         }
     }
 
-    /// The factor of extinction along `direction` (world, unit) at a point of the medium's index space.
+    /// The factor of extinction along `direction` (world, unit) at a point of the medium's index
+    /// space.
     pub fn projected_area(&self, p_index: impl FnOnce() -> DVec3, direction: Vec3) -> f32 {
         self.shape_at(p_index).projected_area(self.to_world.transpose() * direction)
     }
 
-    /// Bound of [`projected_area`](Flakes::projected_area) over all points: exact where the distribution is the same everywhere.
+    /// Bound of [`projected_area`](Flakes::projected_area) over all points: exact where the
+    /// distribution is the same everywhere.
     pub fn largest_area(&self, direction: Vec3) -> f32 {
         match &self.shape {
             FlakeShape::Constant(s) => s.projected_area(self.to_world.transpose() * direction),
@@ -84,8 +88,9 @@ impl Flakes {
         }
     }
 
-    /// The phase function at a point for light that arrives along `incoming`. Diffuse flakes: that of one flake, drawn by what it shows to the ray; the mean over
-    /// draws is the phase function, and each of them has an exact density, as any phase function has.
+    /// The phase function at a point for light that arrives along `incoming`. Diffuse flakes: that
+    /// of one flake, drawn by what it shows to the ray; the mean over draws is the phase function,
+    /// and each of them has an exact density, as any phase function has.
     pub fn at<R: Rng + ?Sized>(
         &self,
         p_index: impl FnOnce() -> DVec3,
@@ -114,7 +119,8 @@ impl fmt::Display for Flakes {
     }
 }
 
-/// The orthogonal matrix nearest to a linear map, by Newton's iteration for the polar decomposition [Higham 1986]; the identity for maps without an inverse.
+/// The orthogonal matrix nearest to a linear map, by Newton's iteration for the polar decomposition
+/// [Higham 1986]; the identity for maps without an inverse.
 fn rotation_of(map: DMat3) -> DMat3 {
     let size = libm::cbrt(map.determinant().abs());
     if !(size.is_normal() && map.is_finite()) {

@@ -11,12 +11,14 @@ pub struct FlakeRay<'a, F> {
     density: F,
     /// Bound of the factor along the ray.
     bound: f32,
-    /// Of grids: the flakes, the ray's direction in the world, and its way through the medium's index space.
+    /// Of grids: the flakes, the ray's direction in the world, and its way through the medium's
+    /// index space.
     varying: Option<(&'a Flakes, Vec3, [DVec3; 2])>,
 }
 
 impl<'a, F: RayField> FlakeRay<'a, F> {
-    /// `index`: where the ray starts and its direction per world unit, in the medium's index space; needed for flakes by grid alone.
+    /// `index`: where the ray starts and its direction per world unit, in the medium's index space;
+    /// needed for flakes by grid alone.
     pub fn new(density: F, flakes: &'a Flakes, direction: Vec3, index: [DVec3; 2]) -> Self {
         FlakeRay {
             density,
@@ -66,7 +68,8 @@ impl<F: RayField> RayField for FlakeRay<'_, F> {
     }
 }
 
-/// Exact where the flakes are the same everywhere. Of flakes by grid the largest factor stands for all: plans refuse exact methods there.
+/// Exact where the flakes are the same everywhere. Of flakes by grid the largest factor stands for
+/// all: plans refuse exact methods there.
 impl<F: ExactField> ExactField for FlakeRay<'_, F> {
     fn optical_depth(&self, tally: &mut Tally) -> f64 {
         self.density.optical_depth(tally) * f64::from(self.bound)

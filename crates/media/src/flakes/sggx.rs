@@ -1,7 +1,9 @@
-//! The SGGX distribution of flake normals: an ellipsoid's [Heitz, Dupuy, Crassin and Dachsbacher 2015, "The SGGX microflake distribution"].
+//! The SGGX distribution of flake normals: an ellipsoid's [Heitz, Dupuy, Crassin and Dachsbacher
+//! 2015, "The SGGX microflake distribution"].
 //!
-//! A symmetric positive matrix S says how much area the flakes in a unit of volume show to every direction: `sigma(w) = sqrt(w' S w)`. All of it is computed in
-//! double precision: for thin fibres det S is 1e-6, which single precision cannot carry through an inverse.
+//! A symmetric positive matrix S says how much area the flakes in a unit of volume show to every
+//! direction: `sigma(w) = sqrt(w' S w)`. All of it is computed in double precision: for thin fibres
+//! det S is 1e-6, which single precision cannot carry through an inverse.
 
 use glam::{DMat3, DVec3, Mat3, Vec3};
 use pileus_math::basis;
@@ -24,8 +26,9 @@ impl Sggx {
     /// Flakes that look in all directions alike.
     pub const ISOTROPIC: Sggx = Sggx { diagonal: [1.0; 3], off_diagonal: [0.0; 3] };
 
-    /// From the entries xx, yy, zz and xy, xz, yz. Eigenvalues below a millionth of the largest are lifted to it. `None` if an entry is not finite, an eigenvalue is
-    /// below zero by more than rounding, or all are zero.
+    /// From the entries xx, yy, zz and xy, xz, yz. Eigenvalues below a millionth of the largest are
+    /// lifted to it. `None` if an entry is not finite, an eigenvalue is below zero by more than
+    /// rounding, or all are zero.
     pub fn new(diagonal: [f32; 3], off_diagonal: [f32; 3]) -> Option<Sggx> {
         let s = Sggx { diagonal, off_diagonal };
         let [low, _, high] = s.eigenvalues()?;
@@ -38,14 +41,16 @@ impl Sggx {
         Some(Sggx { diagonal: diagonal.map(|d| d + lift), off_diagonal })
     }
 
-    /// Flakes around a fibre along the unit vector `axis`: area 1 across, `roughness` (clamped to [0.001, 1]) along it.
+    /// Flakes around a fibre along the unit vector `axis`: area 1 across, `roughness` (clamped to
+    /// [0.001, 1]) along it.
     pub fn fibre(axis: Vec3, roughness: f32) -> Sggx {
         let r = roughness.clamp(MIN_ROUGHNESS, 1.0);
         let r2 = r * r;
         Sggx::of(DMat3::IDENTITY - outer(axis) * f64::from(1.0 - r2))
     }
 
-    /// Flakes of a surface with the unit normal `normal`: area 1 along it, `roughness` (clamped to [0.001, 1]) across.
+    /// Flakes of a surface with the unit normal `normal`: area 1 along it, `roughness` (clamped to
+    /// [0.001, 1]) across.
     pub fn surface(normal: Vec3, roughness: f32) -> Sggx {
         let r = roughness.clamp(MIN_ROUGHNESS, 1.0);
         let r2 = f64::from(r * r);
@@ -72,13 +77,14 @@ impl Sggx {
         DMat3::from_cols(DVec3::new(xx, xy, xz), DVec3::new(xy, yy, yz), DVec3::new(xz, yz, zz))
     }
 
-    /// The same flakes turned by a rotation.
+    /// These flakes turned by a rotation.
     pub fn turned(&self, rotation: &Mat3) -> Sggx {
         let r = rotation.as_dmat3();
         Sggx::of(r * self.matrix() * r.transpose())
     }
 
-    /// Eigenvalues, ascending; `None` if an entry is not finite. Closed form for symmetric matrices [Smith 1961].
+    /// Eigenvalues, ascending; `None` if an entry is not finite. Closed form for symmetric matrices
+    /// [Smith 1961].
     pub fn eigenvalues(&self) -> Option<[f64; 3]> {
         let s = self.matrix();
         let mean = (s.x_axis.x + s.y_axis.y + s.z_axis.z) / 3.0;
@@ -112,12 +118,14 @@ impl Sggx {
         self.eigenvalues().map_or(f32::INFINITY, |[_, _, high]| (high.sqrt() * (1.0 + 1e-6)) as f32)
     }
 
-    /// Density of flake normals `D(m)` over the sphere, per area: its integral times the cosine to a direction is the projected area.
+    /// Density of flake normals `D(m)` over the sphere, per area: its integral times the cosine to
+    /// a direction is the projected area.
     pub fn density(&self, m: Vec3) -> f64 {
         density(&self.matrix(), m.as_dvec3())
     }
 
-    /// A normal drawn in proportion to what flakes show to `w`, `<w, m> D(m) / sigma(w)`, for two numbers in [0, 1).
+    /// A normal drawn in proportion to what flakes show to `w`, `<w, m> D(m) / sigma(w)`, for two
+    /// numbers in [0, 1).
     pub fn sample_visible(&self, w: Vec3, u: [f32; 2]) -> Vec3 {
         // In a basis whose third axis is `w` the ellipsoid is seen as a disc.
         let (k, j) = basis(w);
@@ -139,8 +147,9 @@ impl Sggx {
         (turned * local).normalize_or(w.as_dvec3()).as_vec3()
     }
 
-    /// Value of the phase function of flakes that mirror, 1/sr, for unit directions of propagation before and after; also the density of
-    /// [`sample_specular`](Sggx::sample_specular). `sigma(-incoming) f(incoming, wi)` is symmetric under exchange and reversal.
+    /// Value of the phase function of flakes that mirror, 1/sr, for unit directions of propagation
+    /// before and after; also the density of [`sample_specular`](Sggx::sample_specular).
+    /// `sigma(-incoming) f(incoming, wi)` is symmetric under exchange and reversal.
     pub fn specular(&self, incoming: Vec3, wi: Vec3) -> f32 {
         let wo = -incoming;
         // Straight on there is no flake; any normal across stands for it.

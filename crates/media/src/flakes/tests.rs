@@ -39,7 +39,8 @@ fn lattice(n: u32, m: u32) -> impl Iterator<Item = (DVec3, f64)> {
     })
 }
 
-/// The projected area is the integral of density times cosine, over normals that a lattice on the sphere is stretched to; so is the visible normals' density normalised.
+/// The projected area is the integral of density times cosine, over normals that a lattice on the
+/// sphere is stretched to; so is the visible normals' density normalised.
 #[test]
 fn projected_area_is_the_integral_of_the_distribution() {
     let mut rng = Pcg32::new(1, 1);
@@ -77,8 +78,9 @@ fn isotropic_flakes_scatter_isotropically() {
     }
 }
 
-/// Null hypothesis: visible normals, seen in the space where the ellipsoid is a sphere, fall into 8 x 16 cells as the density says. Chi-square, at most 127 degrees of
-/// freedom, critical value 225: false alarm 1.3e-7 per case, 36 cases, 5e-6 in all before seeds were fixed; they are.
+/// Null hypothesis: visible normals, seen in the space where the ellipsoid is a sphere, fall into 8
+/// x 16 cells as the density says. Chi-square, at most 127 degrees of freedom, critical value 225:
+/// false alarm 1.3e-7 per case, 36 cases, 5e-6 in all before seeds were fixed; they are.
 #[test]
 fn visible_normals_follow_their_density() {
     let mut rng = Pcg32::new(3, 3);
@@ -133,7 +135,8 @@ fn visible_normals_follow_their_density() {
     }
 }
 
-/// Mirrored directions carry the density of their flake, also after rounding to single precision; exchange of the directions is symmetric but for the areas.
+/// Mirrored directions carry the density of their flake, also after rounding to single precision;
+/// exchange of the directions is symmetric but for the areas.
 #[test]
 fn mirrors_are_normalised_and_reciprocal() {
     let mut rng = Pcg32::new(4, 4);
@@ -168,8 +171,8 @@ fn mirrors_are_normalised_and_reciprocal() {
     }
 }
 
-/// Diffuse flakes: the mean over drawn flakes is the integral over the distribution, z below 5.5 on 48 means (false alarm 2e-6); every flake's own function
-/// is sampled by its density.
+/// Diffuse flakes: the mean over drawn flakes is the integral over the distribution, z below 5.5 on
+/// 48 means (false alarm 2e-6); every flake's own function is sampled by its density.
 #[test]
 fn diffuse_flakes_average_to_their_integral() {
     let mut rng = Pcg32::new(5, 5);
@@ -210,7 +213,8 @@ fn diffuse_flakes_average_to_their_integral() {
     }
 }
 
-/// Between voxels whatever their axes, matrices stay positive and below the bound; a grid of one axis is that axis everywhere.
+/// Between voxels whatever their axes, matrices stay positive and below the bound; a grid of one
+/// axis is that axis everywhere.
 #[test]
 fn grids_interpolate_positive_matrices() {
     let mut rng = Pcg32::new(6, 6);

@@ -3,8 +3,8 @@
 use super::topology::{NODE_ENTRIES, NODE_LEVEL_OFFSETS, NODE_LOG2, RootLevel};
 use super::{BRICK_EDGE, Entry, Interpolation, Topology, Voxel};
 
-/// Widens a range by what rounding in the interpolation can add: a few units in the last place. Constant ranges stay as they are,
-/// since interpolation between equal values is exact.
+/// Widens a range by what rounding in the interpolation can add: a few units in the last place.
+/// Constant ranges stay as they are, since interpolation between equal values is exact.
 pub(super) fn widen(min: f32, max: f32) -> (f32, f32) {
     const MARGIN: f32 = 1.0 / 2_097_152.0;
     if min == max { (min, max) } else { (min * (1.0 - MARGIN), max * (1.0 + MARGIN)) }
@@ -12,8 +12,8 @@ pub(super) fn widen(min: f32, max: f32) -> (f32, f32) {
 
 /// Smallest and largest value in each 4^3 cell of a brick, over the interpolation's stencil.
 ///
-/// Axis by axis: planes are joined to two of all their elements at once, then rows, then what is left; in the order of [`Voxel::Key`], which vector units
-/// compare without unpacking.
+/// Axis by axis: planes are joined to two of all their elements at once, then rows, then what is
+/// left; in the order of [`Voxel::Key`], which vector units compare without unpacking.
 pub(super) fn sub_cell_ranges<V: Voxel>(
     brick: &[V],
     interpolation: Interpolation,
@@ -71,7 +71,8 @@ fn union(ranges: impl Iterator<Item = (f32, f32)>) -> (f32, f32) {
     ranges.fold((f32::INFINITY, f32::NEG_INFINITY), |(a, b), (min, max)| (a.min(min), b.max(max)))
 }
 
-/// Fills the ranges of all entries from those of the bricks: tables in `order` (children before parents), then the root.
+/// Fills the ranges of all entries from those of the bricks: tables in `order` (children before
+/// parents), then the root.
 pub(super) fn fill_entry_ranges(
     topology: &Topology,
     entries: &mut [Entry],

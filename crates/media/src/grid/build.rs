@@ -244,7 +244,8 @@ fn non_background_box(tree: &Tree<f32>, background: f32) -> Option<([i64; 3], [i
     (corners.0[0] <= corners.1[0]).then_some(corners)
 }
 
-/// The sources of a brick and its seven neighbours above; bit 2 of the index steps in x, bit 1 in y, bit 0 in z.
+/// The sources of a brick and its seven neighbours above; bit 2 of the index steps in x, bit 1 in
+/// y, bit 0 in z.
 type Around = [Source; 8];
 
 struct Builder<'a> {
@@ -278,7 +279,8 @@ impl Builder<'_> {
         entries
     }
 
-    /// The table for the cell of `2^log2` voxels at `cell`; shared where the cell and its neighbours above are constant.
+    /// The table for the cell of `2^log2` voxels at `cell`; shared where the cell and its
+    /// neighbours above are constant.
     fn table(&mut self, log2: u32, cell: Coord) -> u32 {
         let mut around = [Source::BACKGROUND; 8];
         let mut constant = true;

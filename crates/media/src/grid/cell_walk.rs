@@ -1,8 +1,10 @@
-//! A walk through the cells of a grid in double precision: for exact depths, and for grids too wide for single precision.
+//! A walk through the cells of a grid in double precision: for exact depths, and for grids too wide
+//! for single precision.
 
 use glam::DVec3;
 
-/// Steps from cell to cell along `o + t d`, local coordinates, as long as the ray is within the grid; who walks says how large each cell is.
+/// Steps from cell to cell along `o + t d`, local coordinates, as long as the ray is within the
+/// grid; who walks says how large each cell is.
 #[derive(Debug, Clone)]
 pub(crate) struct CellWalk {
     o: DVec3,
@@ -58,7 +60,8 @@ impl CellWalk {
             self.ijk[k] = if k == axis {
                 if d[k] > 0.0 { low[k].saturating_add(size) } else { low[k] - 1 }
             } else {
-                // Rounding may put the point outside the cell or behind: stay inside, never go back.
+                // Rounding may put the point outside the cell or behind: stay inside, never go
+                // back.
                 let c = (p[k] as i32).clamp(low[k], low[k].saturating_add(size - 1));
                 if d[k] >= 0.0 { c.max(self.ijk[k]) } else { c.min(self.ijk[k]) }
             };

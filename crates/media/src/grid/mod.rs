@@ -21,7 +21,8 @@ use crate::method::Named;
 use glam::DVec3;
 use pileus_math::Bounds3;
 
-/// Values along an edge of a brick: 8 cells and the far face, so that interpolation never leaves the brick.
+/// Values along an edge of a brick: 8 cells and the far face, so that interpolation never leaves
+/// the brick.
 pub(crate) const BRICK_EDGE: usize = 9;
 /// Values of a brick.
 pub(crate) const BRICK_VALUES: usize = BRICK_EDGE * BRICK_EDGE * BRICK_EDGE;
@@ -45,18 +46,19 @@ pub(crate) enum Voxels {
 
 /// A sparse scalar field laid out for rendering.
 ///
-/// A value sits at its integer index coordinate; between them the field is interpolated, outside the stored voxels it is the
-/// grid's background. Values are finite and not negative: others are replaced by zero when the grid is built, and counted.
-/// Voxels are stored as binary16 when that loses nothing, else as binary32.
+/// A value sits at its integer index coordinate; between them the field is interpolated, outside
+/// the stored voxels it is the grid's background. Values are finite and not negative: others are
+/// replaced by zero when the grid is built, and counted. Voxels are stored as binary16 when that
+/// loses nothing, else as binary32.
 ///
-/// Bounds of the interpolated field are kept in raw units for cells of 4, 8, 16, ... voxels; scaling happens at use, so that look
-/// edits rebuild nothing.
+/// Bounds of the interpolated field are kept in raw units for cells of 4, 8, 16, ... voxels;
+/// scaling happens at use, so that look edits rebuild nothing.
 #[derive(Debug, Clone)]
 pub struct VoxelGrid {
     pub(crate) voxels: Voxels,
     /// Largest value in each of the eight 4^3 cells of a brick, by brick.
     pub(crate) sub_max: Vec<[f32; 8]>,
-    /// Smallest value, likewise.
+    /// Smallest value in each of the eight 4^3 cells of a brick, by brick.
     pub(crate) sub_min: Vec<[f32; 8]>,
     pub(crate) entries: Vec<Entry>,
     /// Smallest value in the cell of each entry.
@@ -136,7 +138,8 @@ impl VoxelGrid {
         Some(Bounds3::new(corner(self.support[0]), corner(self.support[1])))
     }
 
-    /// What to add to local coordinates (in which cell `i` spans `[i, i + 1)`) for index coordinates.
+    /// What to add to local coordinates (in which cell `i` spans `[i, i + 1)`) for index
+    /// coordinates.
     pub(crate) fn local_to_index(&self) -> DVec3 {
         let shift = match self.interpolation {
             Interpolation::Nearest => -0.5,
@@ -166,7 +169,8 @@ impl VoxelGrid {
         }
     }
 
-    /// The interpolated value at a point in index space, in double precision: exact but for rounding.
+    /// The interpolated value at a point in index space, in double precision: exact but for
+    /// rounding.
     pub fn interpolate(&self, p_index: DVec3) -> f64 {
         let p = p_index - self.local_to_index();
         let extent = DVec3::from_array(self.topology.extent.map(f64::from));
@@ -176,7 +180,8 @@ impl VoxelGrid {
         self.interpolate_local(p.to_array().map(|c| c as i32), p)
     }
 
-    /// The same at a local point that lies within the extent but for rounding.
+    /// The interpolated value at a local point, in double precision: exact but for rounding. The
+    /// point must lie within the extent but for rounding; it is clamped to it.
     pub(crate) fn interpolate_within(&self, p: DVec3) -> f64 {
         let extent = self.topology.extent;
         let p = p.clamp(DVec3::ZERO, DVec3::from_array(extent.map(f64::from)));
@@ -184,7 +189,8 @@ impl VoxelGrid {
         self.interpolate_local(ijk, p)
     }
 
-    /// The interpolated value at local point `p` of the cell of local voxel `ijk`, which must lie within the extent.
+    /// The interpolated value at local point `p` of the cell of local voxel `ijk`, which must lie
+    /// within the extent.
     pub(crate) fn interpolate_local(&self, ijk: [i32; 3], p: DVec3) -> f64 {
         match &self.voxels {
             Voxels::Half(v) => self.view(v).interpolate_f64(ijk, p),
@@ -192,7 +198,8 @@ impl VoxelGrid {
         }
     }
 
-    /// Smallest and largest value in the cell of `2^log2` voxels (2 and coarser) around local voxel `ijk`.
+    /// Smallest and largest value in the cell of `2^log2` voxels (2 and coarser) around local voxel
+    /// `ijk`.
     pub(crate) fn cell_range(&self, ijk: [i32; 3], log2: u32) -> (f32, f32) {
         if log2 < BRICK_LOG2 {
             let entry = self.entries[entry_index(&self.topology, &self.entries, ijk, BRICK_LOG2)];
@@ -205,8 +212,9 @@ impl VoxelGrid {
         }
     }
 
-    /// Smallest and largest value that interpolation can return in the cells `low..high`, which must lie within the extent: exact but for a margin of
-    /// rounding. The time goes with the surface of the box.
+    /// Smallest and largest value that interpolation can return in the cells `low..high`, which
+    /// must lie within the extent: exact but for a margin of rounding. The time goes with the
+    /// surface of the box.
     pub(crate) fn box_range(&self, low: [i32; 3], high: [i32; 3]) -> (f32, f32) {
         let mut range = (f32::INFINITY, f32::NEG_INFINITY);
         let top = self.topology.top_log2();

@@ -34,7 +34,8 @@ pub(super) struct Sources {
 }
 
 impl Sources {
-    /// Sorts the leaves and tiles of `tree`; `sanitise` maps raw to stored values; cells up to `2^top_log2` voxels can be asked for.
+    /// Sorts the leaves and tiles of `tree`; `sanitise` maps raw to stored values; cells up to
+    /// `2^top_log2` voxels can be asked for.
     pub(super) fn new(tree: &Tree<f32>, sanitise: impl Fn(f32) -> f32, top_log2: u32) -> Sources {
         let background = sanitise(*tree.background());
         let mut constants = vec![background];
@@ -80,7 +81,8 @@ impl Sources {
         Sources { constants, groups, tiles, occupied }
     }
 
-    /// The constant of the cell of `2^log2` voxels (log2 = 7, 11, ...) at `cell`, `None` if it is not constant.
+    /// The constant of the cell of `2^log2` voxels (log2 = 7, 11, ...) at `cell`, `None` if it is
+    /// not constant.
     pub(super) fn constant_cell(&self, log2: u32, cell: Coord) -> Option<Source> {
         let occupied = self.occupied.iter().find(|(size, _)| *size == log2);
         if occupied.is_none_or(|(_, set)| set.contains(&cell)) {

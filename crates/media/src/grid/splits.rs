@@ -1,14 +1,17 @@
-//! From which extinction on a cell is better entered by its parts: the cost model, solved bottom-up for all scales at once.
+//! From which extinction on a cell is better entered by its parts: the cost model, solved bottom-up
+//! for all scales at once.
 //!
-//! Seen as a function of the scale, what splitting a cell (and its parts in turn where that pays) saves is convex and negative at zero: there is one
-//! scale above which it pays. That scale is stored with the cell, so that a change of look rebuilds nothing.
+//! Seen as a function of the scale, what splitting a cell (and its parts in turn where that pays)
+//! saves is convex and negative at zero: there is one scale above which it pays. That scale is
+//! stored with the cell, so that a change of look rebuilds nothing.
 
 use super::topology::{NODE_ENTRIES, NODE_LEVEL_OFFSETS, NODE_LOG2, RootLevel};
 use super::{BRICK_LOG2, Entry, Topology};
 use crate::majorant::leaf_cost;
 use rayon::prelude::*;
 
-/// Scales at which the model is evaluated: majorants per voxel of 4^(k - 7) under the grid's largest value. Between them it is interpolated.
+/// Scales at which the model is evaluated: majorants per voxel of 4^(k - 7) under the grid's
+/// largest value. Between them it is interpolated.
 const SCALES: usize = 12;
 /// Cost of a cell at all scales.
 type Cost = [f32; SCALES];
@@ -30,7 +33,8 @@ impl Model {
         std::array::from_fn(|k| leaf_cost(size, max * self.inv_max * scale(k)))
     }
 
-    /// The lesser of leaf and parts at every scale, and the scale (majorant per voxel over raw bound) above which parts are less.
+    /// The lesser of leaf and parts at every scale, and the scale (majorant per voxel over raw
+    /// bound) above which parts are less.
     fn decide(&self, log2: u32, max: f32, parts: &Cost) -> (Cost, f32) {
         let leaf = self.leaf(log2, max);
         let size = [f32::from_bits((127 + log2) << 23); 3];
@@ -58,7 +62,8 @@ fn add(sum: &mut Cost, part: &Cost) {
     }
 }
 
-/// Fills `split_above` of all entries; `tables`: index and log2 size of the children of every table below the root.
+/// Fills `split_above` of all entries; `tables`: index and log2 size of the children of every table
+/// below the root.
 pub(super) fn fill_splits(
     topology: &Topology,
     entries: &mut [Entry],
@@ -183,7 +188,8 @@ fn merge(
         .collect()
 }
 
-/// Parts of a cell that is whole are whole: from the top down, so that a walk finds the largest whole cell from any level.
+/// Parts of a cell that is whole are whole: from the top down, so that a walk finds the largest
+/// whole cell from any level.
 fn close(topology: &Topology, entries: &mut [Entry], order: &[(u32, u32)]) {
     let pass_on = |entries: &mut [Entry], coarse: RootLevel, fine: RootLevel| {
         for at in cells_of(coarse) {

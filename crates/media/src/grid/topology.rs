@@ -1,11 +1,14 @@
-//! Where bricks are: a dense root table, or a shallow tree of tables when the grid spans too much for one.
+//! Where bricks are: a dense root table, or a shallow tree of tables when the grid spans too much
+//! for one.
 //!
-//! Space is cut into cells of `2^e` voxels. Bricks are cells of e = 3. The root table is dense over the grid's bounds at the
-//! finest e in {3, 7, 11, ...} which keeps it within [`MAX_ROOT_CELLS`]; a root cell coarser than a brick points to a table of 16^3
-//! children, and so on down. Every table is followed by its mip levels, which hold the largest value of 2^3 cells each, so that
-//! a ray can skip at any power of two.
+//! Space is cut into cells of `2^e` voxels. Bricks are cells of e = 3. The root table is dense over
+//! the grid's bounds at the finest e in {3, 7, 11, ...} which keeps it within [`MAX_ROOT_CELLS`]; a
+//! root cell coarser than a brick points to a table of 16^3 children, and so on down. Every table
+//! is followed by its mip levels, which hold the largest value of 2^3 cells each, so that a ray can
+//! skip at any power of two.
 //!
-//! Constant regions need no case of their own: they point to a shared table or a shared brick that holds the constant.
+//! Constant regions need no case of their own: they point to a shared table or a shared brick that
+//! holds the constant.
 
 /// A table entry: what a cell points to and the largest value in it.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -52,17 +55,20 @@ pub(crate) struct Topology {
     pub(crate) root_log2: u32,
     /// The root table and its mip levels, finest first.
     pub(crate) levels: Vec<RootLevel>,
-    /// Entries of the root table with its mip levels; child table `k` begins at `root_entries + k * NODE_ENTRIES`.
+    /// Entries of the root table with its mip levels; child table `k` begins at
+    /// `root_entries + k * NODE_ENTRIES`.
     pub(crate) root_entries: usize,
     /// Extent in voxels, a multiple of the root cell.
     pub(crate) extent: [i32; 3],
 }
 
-/// Coarsest cells are at most 2^30 voxels wide, so that their edge fits `i32`: the widest grids have up to eight of them.
+/// Coarsest cells are at most 2^30 voxels wide, so that their edge fits `i32`: the widest grids
+/// have up to eight of them.
 const MAX_CELL_LOG2: u32 = 30;
 
 impl Topology {
-    /// The shape for a grid of `size` voxels per axis (at least one each); `None` if the extent leaves `i32`.
+    /// The shape for a grid of `size` voxels per axis (at least one each); `None` if the extent
+    /// leaves `i32`.
     pub(crate) fn new(size: [i64; 3]) -> Option<Topology> {
         let mut root_log2 = BRICK_LOG2;
         loop {
@@ -123,7 +129,8 @@ impl RootLevel {
     }
 }
 
-/// Index of the entry of `ijk`'s cell of `2^log2` voxels; within a child table for cells finer than the root's.
+/// Index of the entry of `ijk`'s cell of `2^log2` voxels; within a child table for cells finer than
+/// the root's.
 #[inline(always)]
 pub(crate) fn entry_index(
     topology: &Topology,

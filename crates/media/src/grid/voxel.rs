@@ -30,7 +30,8 @@ impl Voxel for f32 {
 
 /// Bits of an IEEE binary16 number that is finite and not negative.
 ///
-/// Widening takes a shift and a multiplication and vectorises on any machine, with no need of conversion instructions.
+/// Widening takes a shift and a multiplication and vectorises on any machine, with no need of
+/// conversion instructions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(transparent)]
 pub struct Half(u16);

@@ -1,4 +1,5 @@
-//! The law of Davis and Mineev-Weinstein: gamma-distributed optical depth whose variance grows by a power of distance.
+//! The law of Davis and Mineev-Weinstein: gamma-distributed optical depth whose variance grows by a
+//! power of distance.
 
 use super::Start;
 use super::invert::depth_of;
@@ -6,12 +7,15 @@ use crate::Error;
 use libm::{exp, log, log1p};
 use std::fmt;
 
-/// `T(tau) = (1 + tau / alpha)^-alpha` with `alpha = tau^(1 - beta) / c^(1 + beta)`, `beta = 2 h - 1` [Davis and Mineev-Weinstein 2011; the parameters of
-/// Bitterli et al. 2018].
+/// `T(tau) = (1 + tau / alpha)^-alpha` with `alpha = tau^(1 - beta) / c^(1 + beta)`,
+/// `beta = 2 h - 1` [Davis and Mineev-Weinstein 2011; the parameters of Bitterli et al. 2018].
 ///
-/// The optical depth of rays of mean `tau` has a gamma distribution of variance `(c tau)^(2 h)`: fluctuations with the Hurst exponent `h`. `h = 1` is the power law of
-/// `k = 1 / c^2`. For `h` of one half and below `T'(0)` is not -1: fluctuations without correlation, or with a negative one, have no such law, and are
-/// refused. With `y = c^(1 + beta) tau^beta`: `-ln T = tau ln(1 + y) / y`, `L = -(ln T)' = (1 - beta) ln(1 + y) / y + beta / (1 + y)`, `X_c = T L`, `p_c = T (L^2 - L')`.
+/// The optical depth of rays of mean `tau` has a gamma distribution of variance `(c tau)^(2 h)`:
+/// fluctuations with the Hurst exponent `h`. `h = 1` is the power law of `k = 1 / c^2`. For `h` of
+/// one half and below `T'(0)` is not -1: fluctuations without correlation, or with a negative one,
+/// have no such law, and are refused. With `y = c^(1 + beta) tau^beta`:
+/// `-ln T = tau ln(1 + y) / y`, `L = -(ln T)' = (1 - beta) ln(1 + y) / y + beta / (1 + y)`,
+/// `X_c = T L`, `p_c = T (L^2 - L')`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DavisWeinstein {
     h: f64,
@@ -25,7 +29,8 @@ impl DavisWeinstein {
     /// The law of a Hurst exponent `h` and a strength of fluctuations `c`.
     ///
     /// # Errors
-    /// Unless `0.5 < h <= 1` and `0 < c <= 1000`; at `h = 1` `c` is below 1, as the power law's `k` is above 1.
+    /// Unless `0.5 < h <= 1` and `0 < c <= 1000`; at `h = 1` `c` is below 1, as the power law's `k`
+    /// is above 1.
     pub fn new(h: f64, c: f64) -> Result<DavisWeinstein, Error> {
         if !(h > 0.5 && h <= 1.0) {
             return Err(Error::invalid(

@@ -9,10 +9,13 @@ use std::fmt;
 /// Most stages of an Erlang law.
 pub const MOST_STAGES: u32 = 64;
 
-/// Depths between collisions are the sum of `n` exponential stages of mean `1 / n`: a gamma distribution of shape `n` [d'Eon 2018, section 3].
+/// Depths between collisions are the sum of `n` exponential stages of mean `1 / n`: a gamma
+/// distribution of shape `n` [d'Eon 2018, section 3].
 ///
-/// With `x = n tau`: `X_c = e^-x sum_{j < n} x^j / j!`, `p_c = n e^-x x^(n - 1) / (n - 1)!`, `X_u = e^-x sum_{j < n} (1 - j / n) x^j / j!`. The variance of a flight between
-/// collisions is `1 / n`: negative correlation, as of particles that are packed; the limit is the [`Linear`](super::Linear) law.
+/// With `x = n tau`: `X_c = e^-x sum_{j < n} x^j / j!`, `p_c = n e^-x x^(n - 1) / (n - 1)!`,
+/// `X_u = e^-x sum_{j < n} (1 - j / n) x^j / j!`. The variance of a flight between collisions is
+/// `1 / n`: negative correlation, as of particles that are packed; the limit is the
+/// [`Linear`](super::Linear) law.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Erlang {
     n: u32,

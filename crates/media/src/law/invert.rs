@@ -5,8 +5,9 @@ use libm::{exp, log};
 /// Depth beyond which nothing survives, whatever the law.
 const DEEPEST: f64 = 1e30;
 
-/// The depth at which the decreasing function `survival` has fallen to `e^-drawn`, to twelve digits: bracketed by doubling, then Newton's method on the logarithm with the
-/// slope `density`, kept between bounds by bisection.
+/// The depth at which the decreasing function `survival` has fallen to `e^-drawn`, to twelve
+/// digits: bracketed by doubling, then Newton's method on the logarithm with the slope `density`,
+/// kept between bounds by bisection.
 pub(super) fn depth_of(
     drawn: f64,
     survival: impl Fn(f64) -> f64,

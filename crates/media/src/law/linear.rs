@@ -4,7 +4,8 @@ use super::Start;
 use libm::expm1;
 use std::fmt;
 
-/// `T(tau) = max(0, 1 - tau)` [Bitterli et al. 2018]: from particle to particle always one unit of depth.
+/// `T(tau) = max(0, 1 - tau)` [Bitterli et al. 2018]: from particle to particle always one unit of
+/// depth.
 ///
 /// `p_u` is one up to there, `X_c` is one up to there, and `p_c` is all at it: an atom.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -11,7 +11,7 @@ use std::fmt;
 /// One law of a mixture.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Component {
-    /// Its share of rays that start at a place: positive.
+    /// Share of the rays that start at a place: positive.
     pub weight: f64,
     /// Factor on the optical depth: positive.
     pub rate: f64,
@@ -43,8 +43,9 @@ impl Component {
 
 /// `T(tau) = sum of weight T_i(rate tau)`: any convex combination of laws is a law.
 ///
-/// Blends with the exponential law, sums of exponentials, mixtures of gamma-distributed rates or stages. A ray from a particle belongs to component `i`
-/// in proportion to `weight_i rate_i / l_i`: what collides often starts often.
+/// Blends with the exponential law, sums of exponentials, mixtures of gamma-distributed rates or
+/// stages. A ray from a particle belongs to component `i` in proportion to `weight_i rate_i / l_i`:
+/// what collides often starts often.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mixture {
     components: Vec<Component>,
@@ -60,7 +61,8 @@ impl Mixture {
     /// A mixture; weights are divided by their sum.
     ///
     /// # Errors
-    /// If there is no component or more than 64, if a weight or rate is not a positive number, or if a component is a mixture itself.
+    /// If there is no component or more than 64, if a weight or rate is not a positive number, or
+    /// if a component is a mixture itself.
     pub fn new(mut components: Vec<Component>) -> Result<Mixture, Error> {
         if components.is_empty() || components.len() > MOST_COMPONENTS {
             return Err(Error::invalid(

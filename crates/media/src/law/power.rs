@@ -8,10 +8,12 @@ use pileus_math::random::uniform;
 use rand_core::Rng;
 use std::fmt;
 
-/// `T(tau) = (1 + tau / k)^-k` [Davis and Marshak 1997; d'Eon 2018]: particles in clusters, with a heavy tail; exponential as `k` grows.
+/// `T(tau) = (1 + tau / k)^-k` [Davis and Marshak 1997; d'Eon 2018]: particles in clusters, with a
+/// heavy tail; exponential as `k` grows.
 ///
-/// A mixture of exponential laws: the rate has a gamma distribution of shape and rate `k`, mean one and variance `1 / k`. From a particle the shape is `k + 1`. The mean flight
-/// from a surface is `k / (k - 1)`, which is finite for `k > 1` only; the one between collisions is one.
+/// A mixture of exponential laws: the rate has a gamma distribution of shape and rate `k`, mean one
+/// and variance `1 / k`. From a particle the shape is `k + 1`. The mean flight from a surface is
+/// `k / (k - 1)`, which is finite for `k > 1` only; the one between collisions is one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Power {
     k: f64,
@@ -74,7 +76,8 @@ impl Power {
     }
 }
 
-/// A gamma variate of this shape, at least one, and rate one, by rejection [Marsaglia and Tsang 2000].
+/// A gamma variate of this shape, at least one, and rate one, by rejection [Marsaglia and Tsang
+/// 2000].
 fn gamma<R: Rng + ?Sized>(shape: f64, rng: &mut R) -> f64 {
     let d = shape - 1.0 / 3.0;
     let c = 1.0 / (9.0 * d).sqrt();

@@ -20,9 +20,11 @@ struct Knot {
     slope: f64,
 }
 
-/// `T` through given points: a quadratic spline with continuous slope that keeps their convexity [Schumaker 1983], and an exponential tail where the last value is not zero.
+/// `T` through given points: a quadratic spline with continuous slope that keeps their convexity
+/// [Schumaker 1983], and an exponential tail where the last value is not zero.
 ///
-/// `p_u` is linear between knots and `p_c` constant. The points are taken as they are: their first slope sets the mean free path between collisions.
+/// `p_u` is linear between knots and `p_c` constant. The points are taken as they are: their first
+/// slope sets the mean free path between collisions.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Table {
     knots: Vec<Knot>,
@@ -34,8 +36,9 @@ impl Table {
     /// The law through points of optical depth and transmittance.
     ///
     /// # Errors
-    /// If there are fewer than two points or more than [`MOST_ROWS`], if depths do not ascend from 0, or if transmittances do not start at 1, fall to at least 0 and
-    /// do so in a convex curve. The row, from 1, is named.
+    /// If there are fewer than two points or more than [`MOST_ROWS`], if depths do not ascend from
+    /// 0, or if transmittances do not start at 1, fall to at least 0 and do so in a convex curve.
+    /// The row, from 1, is named.
     pub fn new(points: &[[f64; 2]]) -> Result<Table, Error> {
         let wrong = |row: usize, what: String, remedy: &str| {
             Err(Error::invalid(format!("row {row}: {what}"), remedy))
@@ -95,10 +98,12 @@ impl Table {
         Ok(Table::spline(points, &secants))
     }
 
-    /// The table of a text: two numbers a line, separated by a comma or space; empty lines and what follows `#` do not count.
+    /// The table of a text: two numbers a line, separated by a comma or space; empty lines and what
+    /// follows `#` do not count.
     ///
     /// # Errors
-    /// As [`new`](Table::new), or if a line holds anything else; the line is named.
+    /// If a line holds anything else, which is named; or if the points are none of a law, see
+    /// [`new`](Table::new).
     pub fn parse(text: &str) -> Result<Table, Error> {
         let mut points = Vec::new();
         for (number, line) in text.lines().enumerate() {
@@ -128,7 +133,8 @@ impl Table {
     fn spline(points: &[[f64; 2]], secants: &[f64]) -> Table {
         let n = secants.len();
         let width = |i: usize| points[i + 1][0] - points[i][0];
-        // Slopes at the points, between those of the neighbouring secants: of the parabola through three points.
+        // Slopes at the points, between those of the neighbouring secants: of the parabola through
+        // three points.
         let mut slopes = vec![0.0; n + 1];
         for i in 1..n {
             let (before, after) = (width(i - 1), width(i));
@@ -150,7 +156,8 @@ impl Table {
             }
         };
         for i in 0..n {
-            // A knot where the slope is the secant's: then both parts meet the points, whatever the slopes at them.
+            // A knot where the slope is the secant's: then both parts meet the points, whatever the
+            // slopes at them.
             let rise = slopes[i + 1] - slopes[i];
             if rise > 0.0 {
                 let q = ((slopes[i + 1] - secants[i]) / rise).clamp(0.0, 1.0);

@@ -52,7 +52,8 @@ fn integral(f: impl Fn(f64) -> f64, a: f64, b: f64) -> f64 {
     (0..=n).map(term).sum::<f64>() * h / 3.0
 }
 
-/// `X_u(a) - X_u(b)` is the integral of `p_u`, the same of `X_c` and `p_c`; `p_u = X_c / l`; survivals begin at one, fall, and end at zero; all to 1e-6.
+/// `X_u(a) - X_u(b)` is the integral of `p_u`, the same of `X_c` and `p_c`; `p_u = X_c / l`;
+/// survivals begin at one, fall, and end at zero; all to 1e-6.
 #[test]
 fn densities_are_the_slopes_of_survivals() {
     for law in laws() {
@@ -87,7 +88,8 @@ fn densities_are_the_slopes_of_survivals() {
     }
 }
 
-/// The integral of `X_c` is the mean free path, that of `p_u` is one: for laws whose tails end soon enough to be summed.
+/// The integral of `X_c` is the mean free path, that of `p_u` is one: for laws whose tails end soon
+/// enough to be summed.
 #[test]
 fn densities_are_normalised() {
     for law in laws() {
@@ -128,8 +130,9 @@ fn depths_are_inverses() {
     }
 }
 
-/// Histograms of drawn depths, and of depths that mixtures reach by a drawn rate, against the survival. Null hypothesis: they are equal; chi-square on 19 degrees
-/// of freedom below 82, false alarm 1e-9 each, 6e-8 in all. Atoms are in the bins.
+/// Histograms of drawn depths, and of depths that mixtures reach by a drawn rate, against the
+/// survival. Null hypothesis: they are equal; chi-square on 19 degrees of freedom below 82, false
+/// alarm 1e-9 each, 6e-8 in all. Atoms are in the bins.
 #[test]
 fn flights_follow_the_law() {
     let mut rng = Pcg32::new(20_261_125, 9);

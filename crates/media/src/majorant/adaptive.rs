@@ -1,11 +1,13 @@
-//! The hierarchy of powers of two, merged by the cost model: a cell is entered whole where its parts would cost more.
+//! The hierarchy of powers of two, merged by the cost model: a cell is entered whole where its
+//! parts would cost more.
 
 use super::hierarchy::FINEST_LOG2;
 use super::partition::{Cell, NO_BRICK, Partition};
 use crate::grid::{BRICK_LOG2, Entry, Topology, VoxelGrid, entry_index, sub_cell};
 
-/// Cells of 4, 8, 16, ... voxels: around a point the largest that the cost model does not split at the medium's scale. The scales above which cells are split
-/// are part of every grid: nothing is built for a medium, and a change of scale rebuilds nothing.
+/// Cells of 4, 8, 16, ... voxels: around a point the largest that the cost model does not split at
+/// the medium's scale. The scales above which cells are split are part of every grid: nothing is
+/// built for a medium, and a change of scale rebuilds nothing.
 #[derive(Debug, Clone, Copy)]
 pub struct Adaptive<'a> {
     entries: &'a [Entry],

@@ -1,11 +1,14 @@
 //! What a partition costs: the model that structures are chosen and built by.
 //!
-//! Isotropic uniform lines cross a body of surface `S` and volume `V` in number proportional to `S`, with a total chord in proportion to `4 V` (Cauchy's mean chord `4 V / S`). A
-//! leaf of a partition costs a step per line that crosses it and a tentative collision per unit of majorant depth: `STEP_COST S + 4 COLLISION_COST majorant V`. The model compares a split with a leaf exactly,
-//! whatever the rest of the partition does [after Yue et al. 2010, 2011].
+//! Isotropic uniform lines cross a body of surface `S` and volume `V` in number proportional to
+//! `S`, with a total chord in proportion to `4 V` (Cauchy's mean chord `4 V / S`). A leaf of a
+//! partition costs a step per line that crosses it and a tentative collision per unit of majorant
+//! depth: `STEP_COST S + 4 COLLISION_COST majorant V`. The model compares a split with a leaf
+//! exactly, whatever the rest of the partition does [after Yue et al. 2010, 2011].
 
-/// Nanoseconds of a step from cell to cell. Measured (`docs/charts/majorants.md`); only the ratio of the two matters. They are constants of the program and not
-/// measured where it runs: the image depends on the cells, and must be the same on every machine.
+/// Nanoseconds of a step from cell to cell. Measured (`docs/charts/majorants.md`); only the ratio
+/// of the two matters. They are constants of the program and not measured where it runs: the image
+/// depends on the cells, and must be the same on every machine.
 pub const STEP_COST: f32 = 50.0;
 
 /// Nanoseconds of a tentative collision: an exponential variate, a lookup, a decision.

@@ -54,7 +54,8 @@ enum Branch {
 }
 
 impl KdNodes {
-    /// Builds a tree for raw bounds scaled to majorants per voxel by `per_voxel`. A node is split at the plane that lowers the cost most, as long as one does.
+    /// Builds a tree for raw bounds scaled to majorants per voxel by `per_voxel`. A node is split
+    /// at the plane that lowers the cost most, as long as one does.
     pub(crate) fn new(grid: &VoxelGrid, per_voxel: f32) -> KdNodes {
         let (low, high) = ([0; 3], grid.topology.extent);
         let (min, max) = grid.box_range(low, high);

@@ -1,4 +1,5 @@
-//! What all majorant structures have in common: a partition of space into boxes of voxels, each with a bound.
+//! What all majorant structures have in common: a partition of space into boxes of voxels, each
+//! with a bound.
 
 /// A cell around a point.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -24,10 +25,12 @@ impl Cell {
         Cell { low: [0; 3], high: [0; 3], max: 0.0, brick: NO_BRICK, key: 0 };
 }
 
-/// A partition of a grid's voxels into cells: every voxel is in one cell, which depends on the voxel alone, not on how a walk came there.
+/// A partition of a grid's voxels into cells: every voxel is in one cell, which depends on the
+/// voxel alone, not on how a walk came there.
 pub trait Partition: Copy {
-    /// The cell around local voxel `ijk`, which lies within the grid's extent. `last`: the key of the cell before, zero at first; it may speed up the
-    /// search and does not change what is found.
+    /// The cell around local voxel `ijk`, which lies within the grid's extent. `last`: the key of
+    /// the cell before, zero at first; it may speed up the search and does not change what is
+    /// found.
     fn cell(&self, ijk: [i32; 3], last: u32) -> Cell;
 
     /// Smallest raw value that interpolation can return in a cell found before.

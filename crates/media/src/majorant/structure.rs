@@ -12,10 +12,12 @@ use std::time::Instant;
 /// How a grid is parted for its majorants.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum MajorantStructure {
-    /// Cells of 4, 8, 16, ... voxels, merged bottom-up by the cost model: part of every grid, built once for all looks.
+    /// Cells of 4, 8, 16, ... voxels, merged bottom-up by the cost model: part of every grid, built
+    /// once for all looks.
     #[default]
     Adaptive,
-    /// The same cells, each level chosen by the walk: the largest in which at most one tentative collision is expected.
+    /// Cells of 4, 8, 16, ... voxels, each level chosen by the walk: the largest in which at most
+    /// one tentative collision is expected.
     Hierarchy,
     /// A kd-tree, split by the cost model.
     KdTree,
@@ -26,7 +28,7 @@ pub enum MajorantStructure {
 }
 
 impl MajorantStructure {
-    /// Its name.
+    /// Name of the structure, as options and charts have it.
     pub fn name(self) -> String {
         match self {
             MajorantStructure::Hierarchy => "hierarchy".into(),

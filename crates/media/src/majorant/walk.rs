@@ -8,12 +8,13 @@ use crate::tally::Tally;
 use crate::transmittance::{ray_depth, ray_t_at_depth};
 use glam::{DVec3, Vec3, Vec3A};
 
-/// Axes whose direction is smaller than this do not bound a cell: the ray would need over 1e18 voxels.
+/// Axes whose direction is smaller than this do not bound a cell: the ray would need over 1e18
+/// voxels.
 const PARALLEL: f32 = 1e-18;
 
 /// What a ray's positions are counted from: a corner of a brick, local voxels.
 pub trait Corner: Copy + std::fmt::Debug {
-    /// Its voxel.
+    /// The voxel of the corner, in local voxels.
     fn voxel(self) -> [i32; 3];
 }
 
@@ -46,9 +47,10 @@ pub(crate) struct Line {
 
 /// A ray through a grid: hands out its majorant segments and looks up its extinction.
 ///
-/// The cell around a point depends on the point, the grid and the scale only, not on how the walk came there. Cell
-/// coordinates advance as integers: every step moves on by at least one cell along the axis it leaves through, so that the walk
-/// ends for every ray, also along faces and through corners.
+/// The cell around a point depends on the point, the grid and the scale only, not on how the walk
+/// came there. Cell coordinates advance as integers: every step moves on by at least one cell along
+/// the axis it leaves through, so that the walk ends for every ray, also along faces and through
+/// corners.
 #[derive(Debug, Clone)]
 pub struct GridRay<'a, V, P = Adaptive<'a>, C = Lowest> {
     view: GridView<'a, V>,
@@ -76,7 +78,7 @@ pub struct GridRay<'a, V, P = Adaptive<'a>, C = Lowest> {
     ijk: [i32; 3],
     /// The cell visited last.
     cell: Cell,
-    /// Its corners, as positions are counted.
+    /// Corners of the cell visited last, counted as positions are.
     low: Vec3A,
     high: Vec3A,
     steps: u64,
@@ -133,7 +135,8 @@ impl<'a, V: Voxel, P: Partition, C: Corner> GridRay<'a, V, P, C> {
         }
     }
 
-    /// Visits the cell around `self.ijk` and moves on to the next one; returns its bound and where the ray leaves it.
+    /// Visits the cell around `self.ijk` and moves on to the next one; returns its bound and where
+    /// the ray leaves it.
     #[inline(always)]
     fn visit(&mut self) -> (f32, f32) {
         self.steps += 1;
@@ -168,7 +171,8 @@ impl<'a, V: Voxel, P: Partition, C: Corner> GridRay<'a, V, P, C> {
             self.ijk[k] = if k == axis {
                 if self.ascending[k] { high[k] } else { low[k] - 1 }
             } else {
-                // Rounding may put the point outside the cell or behind: stay inside, never go back.
+                // Rounding may put the point outside the cell or behind: stay inside, never go
+                // back.
                 let c = (p[k] as i32).saturating_add(corner[k]).clamp(low[k], high[k] - 1);
                 if self.ascending[k] { c.max(self.ijk[k]) } else { c.min(self.ijk[k]) }
             };
@@ -178,7 +182,8 @@ impl<'a, V: Voxel, P: Partition, C: Corner> GridRay<'a, V, P, C> {
 }
 
 impl<V: Voxel, P: Partition, C: Corner> GridRay<'_, V, P, C> {
-    /// The point at ray parameter `t` of the segment handed out last, from the corner: inside its cell whatever rounding says, so that the bound holds.
+    /// The point at ray parameter `t` of the segment handed out last, from the corner: inside its
+    /// cell whatever rounding says, so that the bound holds.
     #[inline(always)]
     pub(crate) fn local_in_cell(&self, t: f32) -> Vec3 {
         (self.p0 + self.d * t).max(self.low).min(self.high).into()

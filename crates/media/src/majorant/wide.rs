@@ -1,8 +1,11 @@
-//! Rays through grids that are too wide for single precision: walked in parts, each in coordinates of its own.
+//! Rays through grids that are too wide for single precision: walked in parts, each in coordinates
+//! of its own.
 //!
-//! What a ray meets is cut at the faces of blocks of 2^12 voxels; blocks without extinction are left out, cells that are constant stay whole. Within a part
-//! positions are counted from its block's corner, so that they are as precise wherever the block lies. The ray's parameter counts the lengths of the
-//! parts alone: gaps between clusters, however long, cost it no precision. Parts are a function of ray and grid, found in double precision.
+//! What a ray meets is cut at the faces of blocks of 2^12 voxels; blocks without extinction are
+//! left out, cells that are constant stay whole. Within a part positions are counted from its
+//! block's corner, so that they are as precise wherever the block lies. The ray's parameter counts
+//! the lengths of the parts alone: gaps between clusters, however long, cost it no precision. Parts
+//! are a function of ray and grid, found in double precision.
 
 use super::structure::AnyPartition;
 use super::walk::{GridRay, Line};
@@ -13,14 +16,16 @@ use crate::transmittance::{ray_depth, ray_t_at_depth};
 use glam::DVec3;
 use smallvec::SmallVec;
 
-/// Widest extent, voxels, within which positions from the grid's lowest corner are precise in `f32`: to 5e-4 voxels.
+/// Widest extent, voxels, within which positions from the grid's lowest corner are precise in
+/// `f32`: to 5e-4 voxels.
 const NARROW: i32 = 1 << 13;
 
 /// Base 2 logarithm of a block's edge, voxels: positions in it are precise to 2.5e-4 voxels.
 const BLOCK_LOG2: u32 = 12;
 
 impl VoxelGrid {
-    /// Whether the grid is so wide that single precision counts its voxels from corners along a ray.
+    /// Whether the grid is so wide that single precision counts its voxels from corners along a
+    /// ray.
     pub(crate) fn is_wide(&self) -> bool {
         self.topology.extent.iter().any(|&extent| extent > NARROW)
     }
@@ -117,7 +122,8 @@ macro_rules! of_part {
     };
 }
 
-/// A ray through a grid of any width. Its parameter is the length of what may hold extinction: see [`RayField::distance`].
+/// A ray through a grid of any width. Its parameter is the length of what may hold extinction: see
+/// [`RayField::distance`].
 #[derive(Debug, Clone)]
 pub struct WideRay<'a> {
     grid: &'a VoxelGrid,
@@ -133,7 +139,8 @@ pub struct WideRay<'a> {
 }
 
 impl<'a> WideRay<'a> {
-    /// Along `line`, local coordinates within the grid's extent. `scales`: raw value to extinction and raw bound to majorant.
+    /// Along `line`, local coordinates within the grid's extent. `scales`: raw value to extinction
+    /// and raw bound to majorant.
     pub(crate) fn new(
         grid: &'a VoxelGrid,
         partition: AnyPartition<'a>,
@@ -166,7 +173,8 @@ impl<'a> WideRay<'a> {
         self.begun.last().map_or(0.0, |part| part.t)
     }
 
-    /// The local point at parameter `t` of the segment handed out last, inside its cell whatever rounding says.
+    /// The local point at parameter `t` of the segment handed out last, inside its cell whatever
+    /// rounding says.
     pub(crate) fn local_in_cell(&self, t: f32) -> DVec3 {
         let (Some(ray), Some(part)) = (&self.ray, self.begun.last()) else { return self.line.p };
         let p = of_part!(ray, ray => ray.local_in_cell(t - part.t));

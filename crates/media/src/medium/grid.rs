@@ -163,8 +163,8 @@ impl GridShape {
     }
 
     /// The extinction of the strongest channel along a span, times `factor`, which is positive and
-    /// may exceed one, for a grid stored as `V`: compiled for it and for the majorant structure that
-    /// every grid has, for kernels that know their grid. Majorants are on cells that suit the
+    /// may exceed one, for a grid stored as `V`: compiled for it and for the majorant structure
+    /// that every grid has, for kernels that know their grid. Majorants are on cells that suit the
     /// factor. For the grids of [`Medium::default_grid`](crate::Medium::default_grid) alone.
     #[inline(always)]
     pub fn ray<'a, V: Voxel>(

@@ -10,7 +10,7 @@ use std::sync::Arc;
 /// Single-scattering albedo, `sigma_s / sigma_t` per channel, in [0, 1].
 #[derive(Debug, Clone)]
 pub enum Albedo {
-    /// The same everywhere.
+    /// One albedo everywhere.
     Constant([f32; 3]),
     /// Looked up where a path scatters; values outside [0, 1] are clamped.
     Grid(Arc<ColorGrid>),

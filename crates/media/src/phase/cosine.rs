@@ -2,7 +2,8 @@
 
 use glam::Vec3;
 
-/// A scattering angle as `1 - cos` and `1 + cos`, both in [0, 2]: what forward and backward peaks are functions of.
+/// A scattering angle as `1 - cos` and `1 + cos`, both in [0, 2]: what forward and backward peaks
+/// are functions of.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Cosine {
     /// `1 - cos`: 0 is forward.
@@ -12,7 +13,8 @@ pub struct Cosine {
 }
 
 impl Cosine {
-    /// Between the propagation directions before and after (unit vectors): half the squared length of their difference and of their sum.
+    /// Between the propagation directions before and after (unit vectors): half the squared length
+    /// of their difference and of their sum.
     #[inline(always)]
     pub fn between(incoming: Vec3, wi: Vec3) -> Cosine {
         Cosine {

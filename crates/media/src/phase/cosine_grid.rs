@@ -19,8 +19,8 @@ pub struct CosineGrid {
 }
 
 impl CosineGrid {
-    /// `scale * value + offset` of a grid of numbers, clamped per voxel; values that are not finite count as 0. `to_index` maps the index space of the medium
-    /// that asks to that of this tree.
+    /// `scale * value + offset` of a grid of numbers, clamped per voxel; values that are not finite
+    /// count as 0. `to_index` maps the index space of the medium that asks to that of this tree.
     ///
     /// # Errors
     /// If `scale` or `offset` is not finite; else as [`VoxelGrid::from_tree`].

@@ -1,4 +1,5 @@
-//! Draine 2003: Henyey-Greenstein times `1 + alpha cos^2`, from Rayleigh (`g = 0, alpha = 1`) to Henyey-Greenstein (`alpha = 0`).
+//! Draine 2003: Henyey-Greenstein times `1 + alpha cos^2`, from Rayleigh (`g = 0, alpha = 1`) to
+//! Henyey-Greenstein (`alpha = 0`).
 
 use super::cosine::Cosine;
 use super::henyey_greenstein::{self, MAX_G};
@@ -8,7 +9,8 @@ use std::f64::consts::TAU;
 /// Largest `alpha`: beyond it `1 + alpha cos^2` is `cos^2` for single precision.
 pub const MAX_ALPHA: f32 = 1e6;
 
-/// The phase function `(1 - g^2) (1 + alpha c^2) / (4 pi (1 + g^2 - 2 g c)^(3/2) (1 + alpha (1 + 2 g^2) / 3))`.
+/// The phase function
+/// `(1 - g^2) (1 + alpha c^2) / (4 pi (1 + g^2 - 2 g c)^(3/2) (1 + alpha (1 + 2 g^2) / 3))`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Draine {
     g: f32,
@@ -18,7 +20,8 @@ pub struct Draine {
 }
 
 impl Draine {
-    /// `g` in [-0.999, 0.999]: not the mean cosine, which is [`Draine::mean_cosine`]; `alpha` in [0, 1e6].
+    /// `g` in [-0.999, 0.999]: not the mean cosine, which is [`Draine::mean_cosine`]; `alpha` in
+    /// [0, 1e6].
     ///
     /// # Errors
     /// If a parameter is outside.
@@ -63,8 +66,9 @@ impl Draine {
 
     /// The angle for a random number: the cumulative distribution inverted to double precision.
     ///
-    /// A quartic equation; Jendersie and d'Eon 2023 give its root in closed form, which divides by `g` and `alpha` and takes a cubic root, a function of the
-    /// system. Newton's iteration within a bracket needs neither and takes some five steps.
+    /// A quartic equation; Jendersie and d'Eon 2023 give its root in closed form, which divides by
+    /// `g` and `alpha` and takes a cubic root, a function of the system. Newton's iteration within
+    /// a bracket needs neither and takes some five steps.
     pub(super) fn sample(&self, u: f32) -> Cosine {
         let target = 1.0 - f64::from(u);
         let (mut low, mut high) = (0.0f64, 2.0f64);
@@ -96,8 +100,8 @@ impl Draine {
 
     /// Probability of `1 - cos` below `x` for |g|.
     ///
-    /// With `d^2 = (1-g)^2 + 2 g x` and `d0 = 1 - g` the integrals of `x^k / d^3` for k = 0, 1, 2 are closed forms without differences, so that no digits are
-    /// lost for any `g`, zero included.
+    /// With `d^2 = (1-g)^2 + 2 g x` and `d0 = 1 - g` the integrals of `x^k / d^3` for k = 0, 1, 2
+    /// are closed forms without differences, so that no digits are lost for any `g`, zero included.
     fn cumulative(&self, x: f64) -> f64 {
         let (g, alpha) = (f64::from(self.g.abs()), f64::from(self.alpha));
         let d0 = 1.0 - g;

@@ -105,7 +105,8 @@ impl Mixture {
     /// A sum of mixtures; weights are relative. Lobes of weight 0 are left out.
     ///
     /// # Errors
-    /// If a weight is negative or not finite, if none is above 0, or if there are more than [`MAX_LOBES`] lobes.
+    /// If a weight is negative or not finite, if none is above 0, or if there are more than
+    /// [`MAX_LOBES`] lobes.
     pub fn new(parts: impl IntoIterator<Item = (f64, Mixture)>) -> Result<Mixture, Error> {
         let mut lobes: Vec<(f64, Lobe)> = Vec::new();
         for (weight, part) in parts {
@@ -156,7 +157,8 @@ impl Mixture {
         self.lobes.iter().map(|l| l.weight * l.lobe.eval(cosine)).sum()
     }
 
-    /// The angle for a random number in [0, 1): it chooses the lobe, and what is left of it the angle. A lobe of weight w is left with `2^24 w` angles.
+    /// The angle for a random number in [0, 1): it chooses the lobe, and what is left of it the
+    /// angle. A lobe of weight w is left with `2^24 w` angles.
     pub fn sample(&self, u: f32) -> Cosine {
         let last = self.lobes.partition_point(|l| l.before <= u).saturating_sub(1);
         let Some(chosen) = self.lobes.get(last) else { return Cosine::from_one_minus(1.0) };

@@ -1,4 +1,5 @@
-//! Water droplets of cloud and fog by their diameter: Henyey-Greenstein and Draine fitted to Mie scattering.
+//! Water droplets of cloud and fog by their diameter: Henyey-Greenstein and Draine fitted to Mie
+//! scattering.
 
 use super::draine::Draine;
 use super::lobe::{Lobe, Mixture};
@@ -26,8 +27,9 @@ pub struct MieFit {
 impl MieFit {
     /// For droplets of `diameter` micrometres in [0.01, 50].
     ///
-    /// Jendersie and d'Eon, An Approximate Mie Scattering Function for Fog and Cloud Rendering, SIGGRAPH 2023 talks, equations 4 to 7 (5 to 50 micrometres)
-    /// and supplement (below). Biased against Mie theory: see the book for how far, and for what it leaves out (fog bow, glory).
+    /// Jendersie and d'Eon, An Approximate Mie Scattering Function for Fog and Cloud Rendering,
+    /// SIGGRAPH 2023 talks, equations 4 to 7 (5 to 50 micrometres) and supplement (below). Biased
+    /// against Mie theory: see the book for how far, and for what it leaves out (fog bow, glory).
     ///
     /// # Errors
     /// If the diameter is outside.

@@ -1,7 +1,8 @@
 //! Phase functions: the angular law of scattering, normalised over the sphere.
 //!
-//! [`Phase`] is what a medium owns, [`PhaseAt`] what holds at one point: small and cheap to copy, for paths to carry. Isotropic scattering and Henyey-Greenstein
-//! are part of the path's own code; everything else is behind one branch and a call.
+//! [`Phase`] is what a medium owns, [`PhaseAt`] what holds at one point: small and cheap to copy,
+//! for paths to carry. Isotropic scattering and Henyey-Greenstein are part of the path's own code;
+//! everything else is behind one branch and a call.
 
 mod cosine;
 mod cosine_grid;
@@ -38,7 +39,8 @@ pub const ISOTROPIC: f32 = 0.25 / PI;
 pub enum Phase {
     /// Equal in all directions.
     Isotropic,
-    /// Henyey and Greenstein (1941) with mean cosine `g` in [-0.999, 0.999]; g > 0 scatters forward.
+    /// Henyey and Greenstein (1941) with mean cosine `g` in [-0.999, 0.999]; g > 0 scatters
+    /// forward.
     HenyeyGreenstein {
         /// Mean cosine.
         g: f32,
@@ -70,7 +72,8 @@ impl Phase {
         }
     }
 
-    /// The phase function if it is the same everywhere and one of those that paths hold in their own code.
+    /// The phase function if it is the same everywhere and one of those that paths hold in their
+    /// own code.
     #[inline(always)]
     pub fn plain(&self) -> Option<PhaseAt<'static>> {
         match self {
@@ -80,8 +83,9 @@ impl Phase {
         }
     }
 
-    /// The phase function at a point of the medium's index space, which is asked for only if it matters, for light that arrives along `incoming`. Random numbers are
-    /// drawn for diffuse flakes alone.
+    /// The phase function at a point of the medium's index space, which is asked for only if it
+    /// matters, for light that arrives along `incoming`. Random numbers are drawn for diffuse
+    /// flakes alone.
     #[inline(always)]
     pub fn at<R: Rng + ?Sized>(
         &self,
@@ -123,7 +127,8 @@ impl fmt::Display for Phase {
     }
 }
 
-/// The phase function at a point. Directions are unit vectors of propagation, before (`incoming`) and after (`wi`) the scattering.
+/// The phase function at a point. Directions are unit vectors of propagation, before (`incoming`)
+/// and after (`wi`) the scattering.
 #[derive(Debug, Clone, Copy)]
 pub enum PhaseAt<'a> {
     /// Henyey-Greenstein.
@@ -164,7 +169,8 @@ impl PhaseAt<'_> {
         }
     }
 
-    /// Value, 1/sr; also the density with which [`PhaseAt::sample`] draws (its samples have weight one).
+    /// Value, 1/sr; also the density with which [`PhaseAt::sample`] draws (its samples have weight
+    /// one).
     #[inline(always)]
     pub fn eval(&self, incoming: Vec3, wi: Vec3) -> f32 {
         match *self {
@@ -186,7 +192,8 @@ impl PhaseAt<'_> {
     }
 }
 
-/// Out of line, as its sibling: kernels of clouds by Henyey-Greenstein hold none of it. By value, so that theirs need not be in memory.
+/// Out of line, as its sibling: kernels of clouds by Henyey-Greenstein hold none of it. By value,
+/// so that theirs need not be in memory.
 #[inline(never)]
 fn eval_other(phase: PhaseAt<'_>, incoming: Vec3, wi: Vec3) -> f32 {
     match phase {

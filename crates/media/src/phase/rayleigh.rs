@@ -1,4 +1,5 @@
-//! Rayleigh scattering of unpolarised light: particles far smaller than the wavelength, `3 / (16 pi) (1 + cos^2)`.
+//! Rayleigh scattering of unpolarised light: particles far smaller than the wavelength,
+//! `3 / (16 pi) (1 + cos^2)`.
 
 use super::cosine::Cosine;
 use std::f32::consts::PI;
@@ -11,8 +12,9 @@ pub(super) fn eval(cosine: Cosine) -> f32 {
 
 /// The angle for a random number: solves `c^3 + 3c = 4 (1 - 2u)`.
 ///
-/// By Newton's iteration and not by cubic roots, which are functions of the system and differ between machines. It starts on the concave side of the root's
-/// magnitude and converges from above; five steps reach double precision.
+/// By Newton's iteration and not by cubic roots, which are functions of the system and differ
+/// between machines. It starts on the concave side of the root's magnitude and converges from
+/// above; five steps reach double precision.
 pub(super) fn sample(u: f32) -> Cosine {
     let v = 1.0 - 2.0 * f64::from(u);
     let mut c = v;

@@ -22,11 +22,13 @@ pub struct Tabulated {
 }
 
 impl Tabulated {
-    /// From (scattering angle in degrees, value) by ascending angle, the first 0 and the last 180 degrees. Values are relative: the table is normalised.
+    /// From (scattering angle in degrees, value) by ascending angle, the first 0 and the last 180
+    /// degrees. Values are relative: the table is normalised.
     ///
     /// # Errors
-    /// If there are less than two rows or more than [`MAX_ROWS`], if angles do not ascend or do not reach from 0 to 180, if a value is negative or not finite,
-    /// or if all are zero. The number of the faulty row, from 0, comes along if there is one.
+    /// If there are less than two rows or more than [`MAX_ROWS`], if angles do not ascend or do not
+    /// reach from 0 to 180, if a value is negative or not finite, or if all are zero. The number of
+    /// the faulty row, from 0, comes along if there is one.
     pub fn new(rows: &[(f64, f64)]) -> Result<Tabulated, (Option<usize>, Error)> {
         let fault = |row: Option<usize>, what: String, remedy: &str| {
             Err((row, Error::invalid(what, remedy)))
@@ -127,7 +129,8 @@ impl Tabulated {
         (segment.p0 + (segment.p1 - segment.p0) * at.clamp(0.0, 1.0)) as f32
     }
 
-    /// The angle for a random number, by exact inversion: cumulative probability is quadratic between rows.
+    /// The angle for a random number, by exact inversion: cumulative probability is quadratic
+    /// between rows.
     pub(super) fn sample(&self, u: f32) -> Cosine {
         let u = f64::from(u);
         let above = self.cumulative.partition_point(|&c| c <= u);

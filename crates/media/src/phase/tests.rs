@@ -67,9 +67,11 @@ fn every_law_is_normalised_with_the_stated_mean_cosine() {
     }
 }
 
-/// Null hypothesis: angles of samples are distributed as the values say. Chi-square over 48 bins whose edges split the range finely towards both peaks, bins of less
-/// than 20 expected joined; the critical value of each test is that of the normal approximation by Wilson and Hilferty at z = 5.6: false alarm 1e-8 per
-/// law, below 1e-6 for the 60 of them. Densities that come with samples are the values.
+/// Null hypothesis: angles of samples are distributed as the values say. Chi-square over 48 bins
+/// whose edges split the range finely towards both peaks, bins of less than 20 expected joined; the
+/// critical value of each test is that of the normal approximation by Wilson and Hilferty at z =
+/// 5.6: false alarm 1e-8 per law, below 1e-6 for the 60 of them. Densities that come with samples
+/// are the values.
 #[test]
 fn samples_of_every_law_follow_its_values() {
     for (k, (name, lobe)) in lobes().into_iter().enumerate() {
@@ -115,8 +117,9 @@ fn samples_of_every_law_follow_its_values() {
     }
 }
 
-/// Directions as paths draw them, with and without the path's own code. Null hypothesis: their mean is the incoming direction times the mean cosine; |z| below
-/// 6 in each of three axes of 80 laws, false alarm 5e-7.
+/// Directions as paths draw them, with and without the path's own code. Null hypothesis: their mean
+/// is the incoming direction times the mean cosine; |z| below 6 in each of three axes of 80 laws,
+/// false alarm 5e-7.
 #[test]
 fn directions_have_the_mean_cosine_and_their_density_is_the_value() {
     let incoming = Vec3::new(0.36, -0.48, 0.8);
@@ -132,8 +135,8 @@ fn directions_have_the_mean_cosine_and_their_density_is_the_value() {
         for _ in 0..n {
             let (wi, pdf) = phase.sample(incoming, [uniform(&mut rng), uniform(&mut rng)]);
             assert!((wi.length() - 1.0).abs() < 1e-5, "{name}: length {}", wi.length());
-            // Directions are rounded: that moves a point of the steepest peak, 1e-3 wide, by 1e-4 of
-            // its width.
+            // Directions are rounded: that moves a point of the steepest peak, 1e-3 wide, by 1e-4
+            // of its width.
             let value = phase.eval(incoming, wi);
             assert!(pdf > 0.0 && (value - pdf).abs() <= 2e-3 * pdf, "{name}: {value} {pdf}");
             sum += wi.as_dvec3();
@@ -207,7 +210,8 @@ fn draine_is_inverted_to_single_precision() {
                 let u = (i as f32 / 1000.0).min(1.0 - f32::EPSILON / 2.0);
                 let cosine = draine.sample(u);
                 let x = f64::from(if g < 0.0 { cosine.one_plus } else { cosine.one_minus });
-                // A numerical cumulative distribution between neighbouring samples: trapezoidal steps, equal in the logarithm of the distance from the peak.
+                // A numerical cumulative distribution between neighbouring samples: trapezoidal
+                // steps, equal in the logarithm of the distance from the peak.
                 if let Some((before, u_before)) = last {
                     let (g, alpha): (f64, f64) = (g.abs().into(), alpha.into());
                     let peak = (1.0 - g) * (1.0 - g);
@@ -258,8 +262,8 @@ fn bad_parameters_are_refused() {
     assert_eq!(row(&[(0.0, f64::INFINITY), (180.0, 1.0)]), Some(0));
 }
 
-/// The fit against Mie theory, `tests/data/mie/mie_water.csv`, as the book states it: difference of the mean cosines, and the median and the largest of |ln(fit / Mie)|
-/// over whole degrees.
+/// The fit against Mie theory, `tests/data/mie/mie_water.csv`, as the book states it: difference of
+/// the mean cosines, and the median and the largest of |ln(fit / Mie)| over whole degrees.
 #[test]
 fn the_fit_is_as_far_from_mie_theory_as_the_book_says() {
     const STATED: [(f64, f64, f64, f64); 8] = [

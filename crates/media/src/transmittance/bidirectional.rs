@@ -1,4 +1,5 @@
-//! The null-collision series from both ends, every split of every order combined by the balance heuristic.
+//! The null-collision series from both ends, every split of every order combined by the balance
+//! heuristic.
 
 use crate::channels::Channels;
 use crate::field::RayField;
@@ -54,10 +55,12 @@ fn walk<F: RayField, C: Channels, R: Rng + ?Sized>(
 
 /// An unbiased estimate of the transmittance; exact where the majorant is tight.
 ///
-/// A walk from each end by the majorants' Poisson process. The first `i` vertices of one and the first `j` of the other, if they do not cross, are a
-/// sample of the term of order `i + j`; its density under every split is known, and the balance heuristic over the splits gives
-/// each pair the value `product of null ratios / sum of exp(gap)` over the gaps between neighbours. All pairs are used. After the
-/// bidirectional view of Georgiev et al. 2019; the closed form of the weights is ours.
+/// A walk from each end by the majorants' Poisson process. The first `i` vertices of one and the
+/// first `j` of the other, if they do not cross, are a sample of the term of order `i + j`; its
+/// density under every split is known, and the balance heuristic over the splits gives each pair
+/// the value `product of null ratios / sum of exp(gap)` over the gaps between neighbours. All pairs
+/// are used. After the bidirectional view of Georgiev et al. 2019; the closed form of the weights
+/// is ours.
 pub fn bidirectional<F: RayField, C: Channels, R: Rng + ?Sized>(
     field: F,
     channels: C,

@@ -4,7 +4,8 @@ use crate::field::RayField;
 use crate::stretch::Stretch;
 use crate::tally::Tally;
 
-/// Optical depth of a stretch by `teeth` samples at equal distances, the first at `offset` in [0, 1) of a distance. Unbiased for a uniform offset.
+/// Optical depth of a stretch by `teeth` samples at equal distances, the first at `offset` in
+/// [0, 1) of a distance. Unbiased for a uniform offset.
 #[inline(always)]
 pub(super) fn comb<F: RayField>(
     field: &F,

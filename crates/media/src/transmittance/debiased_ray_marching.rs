@@ -13,15 +13,18 @@ use rand_core::Rng;
 /// Teeth of the coarsest comb.
 pub const DEBIASED_TEETH: u32 = 8;
 
-/// Probability of going to the next level: `2^(-3/2)`, between the doubling of the work and the decay of the differences.
+/// Probability of going to the next level: `2^(-3/2)`, between the doubling of the work and the
+/// decay of the differences.
 pub(super) const DEEPER: f32 = 0.353_553_4;
 
-/// An unbiased estimate of the transmittance, which may exceed one or be negative; without variance for constant extinction.
+/// An unbiased estimate of the transmittance, which may exceed one or be negative; without variance
+/// for constant extinction.
 ///
-/// Level `j` is `exp(-depth)` by a comb of `teeth * 2^j`. A coarse comb is returned with one difference of neighbouring levels, over the
-/// probability of that level. The levels of a difference share their points: the even and the odd teeth of the finer
-/// comb are the two coarse ones, so that the difference is of second order. Mean lookups: 5.4 `teeth`. Infinite variance is possible where
-/// differences shrink by less than `2^(-3/2)` in the square.
+/// Level `j` is `exp(-depth)` by a comb of `teeth * 2^j`. A coarse comb is returned with one
+/// difference of neighbouring levels, over the probability of that level. The levels of a
+/// difference share their points: the even and the odd teeth of the finer comb are the two coarse
+/// ones, so that the difference is of second order. Mean lookups: 5.4 `teeth`. Infinite variance is
+/// possible where differences shrink by less than `2^(-3/2)` in the square.
 pub fn debiased_ray_marching<F: RayField, C: Channels, R: Rng + ?Sized>(
     field: F,
     channels: C,
@@ -47,7 +50,8 @@ pub fn debiased_ray_marching<F: RayField, C: Channels, R: Rng + ?Sized>(
                 fine_teeth = fine_teeth.saturating_mul(2);
                 probability *= DEEPER;
             }
-            // Offset u of the finer comb: its even teeth have offset u / 2, its odd ones (u + 1) / 2, in units of the coarser distance.
+            // Offset u of the finer comb: its even teeth have offset u / 2, its odd ones (u + 1) /
+            // 2, in units of the coarser distance.
             let u = uniform(rng);
             let a = comb(field, stretch, fine_teeth, 0.5 * u, tally);
             let b = comb(field, stretch, fine_teeth, 0.5 * (u + 1.0), tally);

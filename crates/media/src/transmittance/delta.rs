@@ -8,8 +8,9 @@ use pileus_math::Spectrum;
 use pileus_math::random::Decision;
 use rand_core::Rng;
 
-/// One if a free flight escapes the field, else zero; one walk and one decision for all channels. Unbiased for a bound; relative variance
-/// `1/T - 1`. Lookups above their majorant are counted as violations: the estimate is then too large.
+/// One if a free flight escapes the field, else zero; one walk and one decision for all channels.
+/// Unbiased for a bound; relative variance `1/T - 1`. Lookups above their majorant are counted as
+/// violations: the estimate is then too large.
 #[inline(always)]
 pub fn delta_transmittance<F: RayField, C: Channels, R: Rng + ?Sized>(
     mut walk: TentativeCollisions<F>,

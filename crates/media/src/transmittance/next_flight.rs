@@ -1,4 +1,5 @@
-//! The next-flight estimator [Cramer 1978]: at every vertex, the probability of reaching the end directly.
+//! The next-flight estimator [Cramer 1978]: at every vertex, the probability of reaching the end
+//! directly.
 
 use crate::channels::Channels;
 use crate::collisions::TentativeCollisions;
@@ -9,9 +10,10 @@ use rand_core::Rng;
 
 /// An unbiased estimate of the transmittance; exact where the majorant is tight.
 ///
-/// `sum of W_k exp(-majorant depth from x_k to the end)` over the vertices `x_0 = start, x_1, ...` of the majorants' Poisson process, `W_k` the
-/// product of null ratios up to `x_k`. The sum is carried along the walk: it decays by the majorant depth passed and grows by
-/// `W_k` at every vertex, so that the depth to the end need not be known beforehand. Mean lookups: the majorant
+/// `sum of W_k exp(-majorant depth from x_k to the end)` over the vertices `x_0 = start, x_1, ...`
+/// of the majorants' Poisson process, `W_k` the product of null ratios up to `x_k`. The sum is
+/// carried along the walk: it decays by the majorant depth passed and grows by `W_k` at every
+/// vertex, so that the depth to the end need not be known beforehand. Mean lookups: the majorant
 /// depth, fewer once `W` is zero.
 #[inline(always)]
 pub fn next_flight<F: RayField, C: Channels, R: Rng + ?Sized>(

@@ -9,10 +9,12 @@ use pileus_math::elementary::exp;
 use pileus_math::random::{happens, uniform};
 use rand_core::Rng;
 
-/// Largest majorant depth of a stretch: `exp(-depth)` times a sum of size `exp(depth)` stays accurate in single precision.
+/// Largest majorant depth of a stretch: `exp(-depth)` times a sum of size `exp(depth)` stays
+/// accurate in single precision.
 pub const PSERIES_STRETCH: f32 = 16.0;
 
-/// Share of the series, as a Poisson law of the majorant depth, that [`pseries_cmf`] sums without roulette [Georgiev et al. 2019].
+/// Share of the series, as a Poisson law of the majorant depth, that [`pseries_cmf`] sums without
+/// roulette [Georgiev et al. 2019].
 const SURE: f32 = 0.99;
 
 /// One factor of the series: the null ratio at a random point, times the depth.
@@ -30,8 +32,9 @@ fn factor<F: RayField, C: Channels, R: Rng + ?Sized>(
 
 /// An unbiased estimate of the transmittance; exact where the majorant is tight.
 ///
-/// `exp(-depth) * sum of W_k / P(order >= k)`, `W_k` the product of `k` independent null ratios times `depth^k / k!`. All orders which
-/// hold 99 % of a Poisson law of the majorant depth are certain, later ones go on with the ratio of neighbouring terms. About
+/// `exp(-depth) * sum of W_k / P(order >= k)`, `W_k` the product of `k` independent null ratios
+/// times `depth^k / k!`. All orders which hold 99 % of a Poisson law of the majorant depth are
+/// certain, later ones go on with the ratio of neighbouring terms. About
 /// `depth + 2.3 sqrt(depth) + 1` lookups per stretch.
 pub fn pseries_cmf<F: RayField, C: Channels, R: Rng + ?Sized>(
     field: F,
@@ -75,8 +78,9 @@ pub fn pseries_cmf<F: RayField, C: Channels, R: Rng + ?Sized>(
 
 /// An unbiased estimate of the transmittance; exact where the majorant is tight.
 ///
-/// As [`pseries_cmf`], but the next term is taken with the probability of its own size, so that lookups go where terms are large. An
-/// early term that happens to be small ends the series: the rare others then carry the rest.
+/// The power series of [`pseries_cmf`], whose next term is taken with the probability of its own
+/// size, so that lookups go where terms are large. An early term that happens to be small ends the
+/// series: the rare others then carry the rest.
 pub fn pseries_cumulative<F: RayField, C: Channels, R: Rng + ?Sized>(
     field: F,
     channels: C,

@@ -1,4 +1,5 @@
-//! Ratio tracking [Novak et al. 2014]: the product of null probabilities along the majorants' Poisson process.
+//! Ratio tracking [Novak et al. 2014]: the product of null probabilities along the majorants'
+//! Poisson process.
 
 use crate::channels::{Channels, Grey};
 use crate::collisions::TentativeCollisions;
@@ -13,14 +14,16 @@ use rand_core::Rng;
 pub struct RatioEstimate<S> {
     /// Unbiased estimate of the transmittance, in [0, 1] for a field with a bound.
     pub transmittance: S,
-    /// Product of the null probabilities met: the estimate without the roulette's compensation. This is the path's density under delta
-    /// tracking over its density here, which weights of multiple importance sampling are made of.
+    /// Product of the null probabilities met: the estimate without the roulette's compensation.
+    /// This is the path's density under delta tracking over its density here, which weights of
+    /// multiple importance sampling are made of.
     pub null_probability: S,
 }
 
 /// An unbiased estimate of the transmittance, in [0, 1] for a field with a bound.
 ///
-/// Relative variance `exp(integral of sigma_t^2 / majorant) - 1`; mean lookups: the majorant optical depth.
+/// Relative variance `exp(integral of sigma_t^2 / majorant) - 1`; mean lookups: the majorant
+/// optical depth.
 #[inline(always)]
 pub fn ratio_tracking<F: RayField, R: Rng + ?Sized>(
     walk: TentativeCollisions<F>,
@@ -30,8 +33,11 @@ pub fn ratio_tracking<F: RayField, R: Rng + ?Sized>(
     ratio_tracking_with_roulette(walk, Grey, 0.0, rng, tally).transmittance
 }
 
-/// As [`ratio_tracking`], for all channels by one walk, with a roulette that ends walks whose largest estimate has fallen below
-/// `threshold`: it survives with the probability `estimate / threshold` and goes on. Unbiased; bounds the cost in thick media.
+/// An unbiased estimate of the transmittance of all channels by one walk of ratio tracking, with
+/// Russian roulette.
+///
+/// Roulette ends walks whose largest estimate has fallen below `threshold` (0: none): they survive
+/// with the probability `estimate / threshold` and go on. Bounds the cost in thick media.
 #[inline(always)]
 pub fn ratio_tracking_with_roulette<F: RayField, C: Channels, R: Rng + ?Sized>(
     mut walk: TentativeCollisions<F>,

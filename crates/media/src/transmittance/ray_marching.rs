@@ -12,7 +12,8 @@ use rand_core::Rng;
 /// Samples along a ray.
 pub const MARCHING_TEETH: u32 = 64;
 
-/// A **biased** estimate of the transmittance: `exp(-depth)` of an unbiased depth by `teeth` equidistant samples with one random offset.
+/// A **biased** estimate of the transmittance: `exp(-depth)` of an unbiased depth by `teeth`
+/// equidistant samples with one random offset.
 ///
 /// Too bright by Jensen's inequality, by `T Var[depth] / 2` to first order.
 pub fn ray_marching<F: RayField, C: Channels, R: Rng + ?Sized>(

@@ -145,7 +145,8 @@ pub(crate) fn ray_t_at_depth<V: Voxel>(
     found.ok_or(sum)
 }
 
-/// Integral over [a, b] within the voxel cell of `ijk`: exact, since the field is constant or a cubic in it.
+/// Integral over [a, b] within the voxel cell of `ijk`: exact, since the field is constant or a
+/// cubic in it.
 fn cell_depth<V: Voxel>(
     view: &GridView<'_, V>,
     (o, d): (DVec3, DVec3),
@@ -168,7 +169,8 @@ fn cell_depth<V: Voxel>(
     }
 }
 
-/// Calls `visit` with every voxel cell along the ray that may hold extinction, and its range of t, until it returns false.
+/// Calls `visit` with every voxel cell along the ray that may hold extinction, and its range of t,
+/// until it returns false.
 fn voxel_cells<V: Voxel>(
     view: &GridView<'_, V>,
     ray: (DVec3, DVec3),

@@ -1,4 +1,5 @@
-//! Residual ratio tracking [Novak et al. 2014]: a control of known depth, and ratio tracking of what it leaves.
+//! Residual ratio tracking [Novak et al. 2014]: a control of known depth, and ratio tracking of
+//! what it leaves.
 
 use crate::channels::Channels;
 use crate::field::RayField;
@@ -10,17 +11,21 @@ use rand_core::Rng;
 /// The control extinction of a majorant segment.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Control {
-    /// The minorant: factors and estimate stay in [0, 1], and the rate is what the majorant exceeds it by.
+    /// The minorant: factors and estimate stay in [0, 1], and the rate is what the majorant exceeds
+    /// it by.
     #[default]
     Minorant,
-    /// The middle of minorant and majorant: half that rate, factors in [0, 2], estimates may exceed one.
+    /// The middle of minorant and majorant: half that rate, factors in [0, 2], estimates may exceed
+    /// one.
     Middle,
 }
 
 /// An unbiased estimate of the transmittance.
 ///
-/// `exp(-control depth)` times the product of `1 - (sigma_t - control) / rate` over a Poisson process of that rate, per majorant segment.
-/// Relative variance `exp(integral of (sigma_t - control)^2 / rate) - 1`; segments of constant extinction take no lookup.
+/// `exp(-control depth)` times the product of `1 - (sigma_t - control) / rate` over a Poisson
+/// process of that rate, per majorant segment. Relative variance
+/// `exp(integral of (sigma_t - control)^2 / rate) - 1`; segments of constant extinction take no
+/// lookup.
 #[inline(always)]
 pub fn residual_ratio_tracking<F: RayField, C: Channels, R: Rng + ?Sized>(
     mut field: F,

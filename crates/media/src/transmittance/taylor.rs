@@ -17,14 +17,17 @@ pub const TAYLOR_STRETCH: f32 = 1.0;
 pub enum TaylorOrder {
     /// Poisson of this mean; the term of that order alone is returned, divided by its probability.
     Poisson(f32),
-    /// Order `k` follows the last with the probability `min(1, depth / k)`, depth the majorant's; all terms are summed.
+    /// Order `k` follows the last with the probability `min(1, depth / k)`, depth the majorant's;
+    /// all terms are summed.
     #[default]
     Terms,
 }
 
-/// An unbiased, signed estimate of the transmittance: `sum of (-tau)^k / k!`, the `k` factors of a power sampled independently.
+/// An unbiased, signed estimate of the transmittance: `sum of (-tau)^k / k!`, the `k` factors of a
+/// power sampled independently.
 ///
-/// No control: relative variance grows exponentially with the depth of a `stretch`, so that rays are cut.
+/// No control: relative variance grows exponentially with the depth of a `stretch`, so that rays
+/// are cut.
 pub fn taylor<F: RayField, C: Channels, R: Rng + ?Sized>(
     field: F,
     channels: C,

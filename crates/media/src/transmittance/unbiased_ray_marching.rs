@@ -1,4 +1,5 @@
-//! Unbiased ray marching [Kettunen et al. 2021]: combs, a pivot, and rare higher orders as symmetric means.
+//! Unbiased ray marching [Kettunen et al. 2021]: combs, a pivot, and rare higher orders as
+//! symmetric means.
 
 use super::comb::comb;
 use crate::channels::Channels;
@@ -13,22 +14,26 @@ use smallvec::SmallVec;
 
 /// Probability of order zero: one comb, no correction.
 const STOP_AT_ZERO: f32 = 0.9;
-/// Orders up to this are certain once zero was passed; `k` beyond goes on with this over `k` [Bhanot and Kennedy 1985].
+/// Orders up to this are certain once zero was passed; `k` beyond goes on with this over `k`
+/// [Bhanot and Kennedy 1985].
 const CERTAIN_ORDER: f32 = 2.0;
 /// Mean order under these constants.
 const MEAN_ORDER: f32 = 0.319_45;
 
-/// Lookups worth spending on a residual depth (majorant less minorant): the fit of Kettunen et al. 2021.
+/// Lookups worth spending on a residual depth (majorant less minorant): the fit of Kettunen et
+/// al. 2021.
 fn lookups_for(residual: f32) -> f32 {
     let cube = (0.015 + residual) * (0.65 + residual) * (60.3 + residual);
     // A cube root with the same bits on every machine.
     exp(ln(cube) * (1.0 / 3.0)).ceil()
 }
 
-/// An unbiased, possibly negative estimate of the transmittance; without variance for constant extinction, and for linear extinction but for rounding.
+/// An unbiased, possibly negative estimate of the transmittance; without variance for constant
+/// extinction, and for linear extinction but for rounding.
 ///
-/// `stretch` is the largest majorant depth that is marched at once: infinite for the published method, finite to cut the ray so that
-/// teeth do not beat with the field over its whole length. About the lookups of the published fit per stretch.
+/// `stretch` is the largest majorant depth that is marched at once: infinite for the published
+/// method, finite to cut the ray so that teeth do not beat with the field over its whole length.
+/// About the lookups of the published fit per stretch.
 pub fn unbiased_ray_marching<F: RayField, C: Channels, R: Rng + ?Sized>(
     field: F,
     channels: C,
@@ -73,7 +78,8 @@ pub fn unbiased_ray_marching<F: RayField, C: Channels, R: Rng + ?Sized>(
     )
 }
 
-/// The mean over pivots `p` of `exp(x_p) * sum of m_k / (k! P(order >= k))`, `m_k` the symmetric mean of order `k` of the others' distances from `x_p`.
+/// The mean over pivots `p` of `exp(x_p) * sum of m_k / (k! P(order >= k))`, `m_k` the symmetric
+/// mean of order `k` of the others' distances from `x_p`.
 fn mean_over_pivots<S: Spectrum>(x: &[S]) -> S {
     let mut total = S::ZERO;
     let mut means: SmallVec<[S; 8]> = SmallVec::new();
@@ -98,10 +104,11 @@ fn mean_over_pivots<S: Spectrum>(x: &[S]) -> S {
     total * (1.0 / x.len() as f32)
 }
 
-/// Elementary symmetric means of `values`, orders 0 to their number: the averages of all `k`-fold products of distinct values.
+/// Elementary symmetric means of `values`, orders 0 to their number: the averages of all `k`-fold
+/// products of distinct values.
 ///
-/// Each value enters as a convex combination, `m_k += (k / n) (m_(k-1) y - m_k)`: no binomial is formed, so that nothing overflows but what is
-/// itself too large.
+/// Each value enters as a convex combination, `m_k += (k / n) (m_(k-1) y - m_k)`: no binomial is
+/// formed, so that nothing overflows but what is itself too large.
 pub(crate) fn symmetric_means<S: Spectrum>(
     values: impl Iterator<Item = S>,
     means: &mut SmallVec<[S; 8]>,
@@ -135,7 +142,8 @@ mod tests {
         assert!((means[4] - y.iter().product::<f32>()).abs() < 1e-6);
     }
 
-    /// Against the same recursion in double precision: thousands of samples, orders up to where the means leave single precision.
+    /// Holds the symmetric means against their recursion in double precision: thousands of samples,
+    /// orders up to where the means leave single precision.
     #[test]
     fn symmetric_means_of_thousands_are_finite_and_accurate() {
         let value =

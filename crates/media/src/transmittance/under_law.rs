@@ -1,7 +1,9 @@
-//! Transmittance under a law that is not exponential: exact, or by a telescoping series [Misso et al. 2022].
+//! Transmittance under a law that is not exponential: exact, or by a telescoping series [Misso et
+//! al. 2022].
 //!
-//! A law does not multiply over stretches of a ray: both estimators treat the ray as a whole. Mixtures of exponential laws have a third way, all other
-//! estimators on a [`Scaled`](crate::Scaled) field, see [`Law::rate`](crate::law::Law::rate).
+//! A law does not multiply over stretches of a ray: both estimators treat the ray as a whole.
+//! Mixtures of exponential laws have a third way, all other estimators on a
+//! [`Scaled`](crate::Scaled) field, see [`Law::rate`](crate::law::Law::rate).
 
 use super::comb::comb;
 use super::debiased_ray_marching::{DEBIASED_TEETH, DEEPER};
@@ -23,7 +25,8 @@ fn survival<C: Channels>(passage: Passage<'_>, channels: C, depth: f64) -> C::Va
         .map(|r| if r > 0.0 { passage.survival(f64::from(r) * depth) as f32 } else { 1.0 })
 }
 
-/// The transmittance under a law of a ray that ends at a place: exact, at the cost of every voxel on the way.
+/// The transmittance under a law of a ray that ends at a place: exact, at the cost of every voxel
+/// on the way.
 pub fn exact_under_law<F: ExactField, C: Channels>(
     field: &F,
     passage: Passage<'_>,
@@ -43,7 +46,8 @@ pub struct Telescope {
 }
 
 impl Default for Telescope {
-    /// As debiased ray marching of the exponential law: eight teeth, `2^(-3/2)`.
+    /// Teeth and probability that debiased ray marching of the exponential law has: eight,
+    /// `2^(-3/2)`.
     fn default() -> Telescope {
         Telescope { teeth: DEBIASED_TEETH, deeper: DEEPER }
     }
@@ -59,11 +63,15 @@ impl Telescope {
 
 /// An unbiased estimate of the transmittance under any law; it may exceed one or be negative.
 ///
-/// Level `j` is the law of a comb of `teeth 2^j`. One coarse comb is returned with one difference of neighbouring levels over the probability of that
-/// level; the even and the odd teeth of the finer comb are the two coarse ones, so that the differences telescope exactly and are of second order. Work is `2^j`:
-/// finite in the mean for `deeper < 1/2`. Where the mean squares of differences fall by `2^-b` a level the variance is finite for `deeper > 2^-b`: `b` is four for combs that converge at
-/// first order (edges, unmatched ends) under a law of bounded curvature and more on smooth rays; two where the depth lies at a kink of the survival, zero where it lies at a jump (from a
-/// particle under a law with an atom). Before a comb resolves a feature differences do not fall at all: a slow tail.
+/// Level `j` is the law of a comb of `teeth 2^j`. One coarse comb is returned with one difference
+/// of neighbouring levels over the probability of that level; the even and the odd teeth of the
+/// finer comb are the two coarse ones, so that the differences telescope exactly and are of second
+/// order. Work is `2^j`: finite in the mean for `deeper < 1/2`. Where the mean squares of
+/// differences fall by `2^-b` a level the variance is finite for `deeper > 2^-b`: `b` is four for
+/// combs that converge at first order (edges, unmatched ends) under a law of bounded curvature and
+/// more on smooth rays; two where the depth lies at a kink of the survival, zero where it lies at a
+/// jump (from a particle under a law with an atom). Before a comb resolves a feature differences do
+/// not fall at all: a slow tail.
 pub fn debiased_under_law<F: RayField, C: Channels, R: Rng + ?Sized>(
     field: F,
     passage: Passage<'_>,
@@ -97,7 +105,8 @@ pub fn debiased_under_law<F: RayField, C: Channels, R: Rng + ?Sized>(
     })
 }
 
-/// The difference of the levels `level + 1` and `level` of [`debiased_under_law`], for the field's own channel and a ray of finite length: what a choice of levels is judged by.
+/// The difference of the levels `level + 1` and `level` of [`debiased_under_law`], for the field's
+/// own channel and a ray of finite length: what a choice of levels is judged by.
 pub fn telescope_difference<F: RayField, R: Rng + ?Sized>(
     field: F,
     passage: Passage<'_>,
@@ -114,7 +123,8 @@ pub fn telescope_difference<F: RayField, R: Rng + ?Sized>(
     difference(passage, a, b)
 }
 
-/// Depths by the even and by the odd teeth of the comb one level finer: with its offset `u` the even ones have the offset `u / 2`, the odd ones `(u + 1) / 2`, in units of their distance.
+/// Depths by the even and by the odd teeth of the comb one level finer: with its offset `u` the
+/// even ones have the offset `u / 2`, the odd ones `(u + 1) / 2`, in units of their distance.
 fn neighbours<F: RayField, R: Rng + ?Sized>(
     field: &F,
     stretch: &Stretch,

@@ -8,13 +8,15 @@ use pileus_math::Spectrum;
 use pileus_math::random::{happens, uniform};
 use rand_core::Rng;
 
-/// Majorant depth of a stretch. The terms alternate and grow like `depth^k / k!`: deeper stretches lose all accuracy to cancellation.
+/// Majorant depth of a stretch. The terms alternate and grow like `depth^k / k!`: deeper stretches
+/// lose all accuracy to cancellation.
 pub const VOLTERRA_STRETCH: f32 = 1.0;
 
 /// An unbiased, signed estimate of the transmittance.
 ///
-/// `T(a, b) = 1 - integral of sigma_t(x) T(x, b) dx`, one vertex per level of the recursion, placed by the majorant; a level is entered with the
-/// probability of the weight's size, if below one. Relative variance grows exponentially with the depth of a `stretch`, so that rays are cut.
+/// `T(a, b) = 1 - integral of sigma_t(x) T(x, b) dx`, one vertex per level of the recursion, placed
+/// by the majorant; a level is entered with the probability of the weight's size, if below one.
+/// Relative variance grows exponentially with the depth of a `stretch`, so that rays are cut.
 pub fn volterra<F: RayField, C: Channels, R: Rng + ?Sized>(
     field: F,
     channels: C,

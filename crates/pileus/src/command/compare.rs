@@ -53,8 +53,8 @@ pub(crate) fn run(options: &CompareOptions, report: &Report) -> Result<(), Failu
     Ok(())
 }
 
-/// An image with its layer `variance`: its own, or that of the file of layers beside it where that is
-/// from the same render.
+/// An image with its layer `variance`: its own, or that of the file of layers beside it where that
+/// is from the same render.
 fn read_with_variance(path: &Path) -> Result<Image, Failure> {
     let mut image = read_exr(path)?;
     let beside = layers_beside(path);

@@ -36,8 +36,11 @@ pub(crate) fn prepare(input: &InputOptions, overrides: &Overrides) -> Result<Pre
     load(resolve(input, overrides)?)
 }
 
-/// As [`prepare`], for commands whose outputs must be writable and overwrite nothing: what can be
-/// known of that is looked at before anything is loaded.
+/// Resolves, loads and plans what a command was given that writes files, and logs what was chosen.
+///
+/// # Errors
+/// If an output cannot be written or would overwrite what is read: what can be known of that is
+/// looked at before anything is loaded. Further, where [`prepare`] fails.
 pub(crate) fn prepare_to_write(
     input: &InputOptions,
     overrides: &Overrides,

@@ -11,7 +11,8 @@ fn files(folder: &std::path::Path) -> Vec<String> {
     names
 }
 
-/// All estimators on an asset and on closed forms: every file is there, the figures say what was run, the page is whole.
+/// All estimators on an asset and on closed forms: every file is there, the figures say what was
+/// run, the page is whole.
 #[test]
 fn transmittance_is_charted() {
     let folder = folder(&[]);

@@ -4,7 +4,8 @@ use serde_json::json;
 
 use crate::{folder, path, run, stderr};
 
-/// Albedos that are not in [0, 1] were clamped in silence: now file, grid and count are named, as those of density are.
+/// Albedos that are not in [0, 1] were clamped in silence: now file, grid and count are named, as
+/// those of density are.
 #[test]
 fn albedos_out_of_range_are_said() {
     let vdb = path("tests/data/conformance/nan_inf_negative.vdb");

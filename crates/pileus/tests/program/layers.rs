@@ -78,7 +78,8 @@ fn layers_in_the_image_are_the_same_layers() {
     assert!(!nowhere.path().join("b.layers.exr").exists());
 }
 
-/// `compare` finds the noise of an image in it, or in the file beside it if that is of the same render.
+/// `compare` finds the noise of an image in it, or in the file beside it if that is of the same
+/// render.
 #[test]
 fn variances_are_found_beside_the_image() {
     let apart = render(&job(json!({ "image": "a.exr" })), &[]);

@@ -149,8 +149,8 @@ fn regular_tracking_gives_the_oracles_optical_depths() {
     }
 }
 
-/// Null hypothesis: the mean is exp(-optical depth). 200 rays, 2000 samples each, fixed seed; |z| up to
-/// 6.5 for each ray with a variance (false alarm below 1e-7 for all rays together).
+/// Null hypothesis: the mean is exp(-optical depth). 200 rays, 2000 samples each, fixed seed; |z|
+/// up to 6.5 for each ray with a variance (false alarm below 1e-7 for all rays together).
 #[test]
 fn estimators_agree_with_the_oracle() {
     for estimator in ["delta", "ratio", "pseries_cmf", "unbiased_ray_marching"] {

@@ -85,8 +85,8 @@ fn the_parser_reads_every_key_of_the_schema() {
     }
 }
 
-/// Every object of an instance with one more key, or one with a wrong type: neither schema nor parser
-/// may accept it.
+/// Every object of an instance with one more key, or one with a wrong type: neither schema nor
+/// parser may accept it.
 #[test]
 fn schema_and_parser_refuse_the_same() {
     fn objects(value: &Value, pointer: &str, found: &mut Vec<String>) {

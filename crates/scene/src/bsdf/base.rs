@@ -10,7 +10,8 @@ use super::fresnel::{Dielectric, SCHLICK_AVERAGE, at_normal, schlick};
 use super::ggx::Ggx;
 use crate::surface::SurfaceParameters;
 
-/// Below this product of width and contrast of indices a refracting body bends less than its facets can be told apart by.
+/// Below this product of width and contrast of indices a refracting body bends less than its facets
+/// can be told apart by.
 const STRAIGHT: f32 = 1e-4;
 
 /// What becomes of the light that a dielectric lets through.
@@ -44,10 +45,12 @@ impl Passing {
 
 /// Everything below sheen and coat.
 ///
-/// Light meets facets first: metal and dielectric share one distribution, their Fresnel factors are added. What the
-/// dielectric lets through is scattered diffusely, refracted (a body) or passes straight (a thin wall). Diffuse light leaves
-/// through the same facets: `(1 - E(o)) (1 - E(i)) / (pi (1 - E_avg))` with the albedo `E` of the dielectric's reflection
-/// (Kulla and Conty 2017 after Kelemen and Szirmay-Kalos 2001), reciprocal, and together with the reflection exactly 1 for white.
+/// Light meets facets first: metal and dielectric share one distribution, their Fresnel factors are
+/// added. What the dielectric lets through is scattered diffusely, refracted (a body) or passes
+/// straight (a thin wall). Diffuse light leaves through the same facets:
+/// `(1 - E(o)) (1 - E(i)) / (pi (1 - E_avg))` with the albedo `E` of the dielectric's reflection
+/// (Kulla and Conty 2017 after Kelemen and Szirmay-Kalos 2001), reciprocal, and together with the
+/// reflection exactly 1 for white.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Base {
     ggx: Option<Ggx>,
@@ -63,9 +66,11 @@ pub(super) struct Base {
     /// Whether it goes straight on.
     straight: bool,
     look: Dielectric,
-    /// Albedo of the dielectric's reflection, strongest channel: `[0] + [1] first + [2] second` of [`ReflectionAlbedo`].
+    /// Albedo of the dielectric's reflection, strongest channel: `[0] + [1] first + [2] second` of
+    /// [`ReflectionAlbedo`].
     layer: [f32; 3],
-    /// Factors of the cosine-shaped lobes, normalised: diffuse light and that of several bounces, this side and the other.
+    /// Factors of the cosine-shaped lobes, normalised: diffuse light and that of several bounces,
+    /// this side and the other.
     diffuse: [Vec3; 2],
     multiple: [Vec3; 2],
 }
@@ -74,7 +79,8 @@ pub(super) struct Base {
 pub(super) struct BaseView {
     /// Share of light that the facets do not reflect, and that is lost by single bounces.
     through: [f32; 2],
-    /// Estimates of the albedos of the lobes, mean over channels: in proportion to them lobes are drawn.
+    /// Estimates of the albedos of the lobes, mean over channels: in proportion to them lobes are
+    /// drawn.
     pub facets: f32,
     pub passed: f32,
     pub cosine: [f32; 2],
@@ -239,7 +245,8 @@ impl Base {
         };
         let cosine = |side: usize| {
             let pi = std::f32::consts::PI;
-            // Diffuse light is spread so that all of `through` leaves; the mean of the other factor is in the scale.
+            // Diffuse light is spread so that all of `through` leaves; the mean of the other factor
+            // is in the scale.
             let (d, m) = (self.diffuse[side], self.multiple[side]);
             let [pd, pm] = [through[0] * pi * mean(d), through[1] * pi * mean(m)];
             let [one, grazing] = self.albedo.average();
@@ -255,7 +262,8 @@ impl Base {
         }
     }
 
-    /// Cosine-shaped lobes towards a cosine `cos_i` in (0, 1], this side (0) or the other (1), 1/sr.
+    /// Cosine-shaped lobes towards a cosine `cos_i` in (0, 1], this side (0) or the other (1),
+    /// 1/sr.
     #[inline]
     pub(super) fn cosine(&self, view: &BaseView, side: usize, cos_i: f32) -> Vec3 {
         if !self.is_cosine(side) {
@@ -276,7 +284,8 @@ impl Base {
         (value, ggx.pdf_mirrored(o.z, h) * self.reflects(facet))
     }
 
-    /// Light let through by rough facets from `i` below, 1/sr, and the density of drawing it given that a facet is drawn.
+    /// Light let through by rough facets from `i` below, 1/sr, and the density of drawing it given
+    /// that a facet is drawn.
     #[inline]
     pub(super) fn transmitted(&self, o: Vec3, i: Vec3) -> (Vec3, f32) {
         let Some(ggx) = self.ggx.as_ref().filter(|_| !self.passed_is_delta) else {
@@ -286,8 +295,8 @@ impl Base {
             Some((interface, _)) => {
                 let Some(bent) = interface.facet(o, i) else { return (Vec3::ZERO, 0.0) };
                 let facet = self.facet(bent.cos_o);
-                // The visibility divides by four cosines, as suits a mirror; 1 / eta^2 of radiance and the eta^2 of
-                // the Jacobian cancel.
+                // The visibility divides by four cosines, as suits a mirror; 1 / eta^2 of radiance
+                // and the eta^2 of the Jacobian cancel.
                 let crossing = 4.0 * bent.cos_o * bent.jacobian;
                 let value = ggx.density(bent.h) * ggx.visibility(o.z, -i.z) * crossing;
                 let eta2 = interface.eta() * interface.eta();
@@ -331,7 +340,8 @@ impl Base {
         let mut sum = self.reflection[0] * one + self.reflection[1] * grazing;
         sum += (self.diffuse[0] + self.diffuse[1]) * (pi * diffuse * diffuse);
         sum += (self.multiple[0] + self.multiple[1]) * (pi * multiple * multiple);
-        // At the mean cosine; for bodies what is lost by single bounces is left out, which makes it a bound.
+        // At the mean cosine; for bodies what is lost by single bounces is left out, which makes it
+        // a bound.
         let (_, passed) = self.facet(2.0 / 3.0);
         match &self.body {
             Some((interface, share)) => sum += passed + *share * interface.split(2.0 / 3.0).0,

@@ -11,8 +11,8 @@ const F0: f32 = 0.04;
 
 /// A colourless reflection. What it lets through is not bent, as the extension has it.
 ///
-/// Light between the varnish and what is below bounces in reality; here the layers below are scaled by
-/// `min(1 - E(o), 1 - E(i))`, reciprocal and never above what is left.
+/// Light between the varnish and what is below bounces in reality; here the layers below are scaled
+/// by `min(1 - E(o), 1 - E(i))`, reciprocal and never above what is left.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Clearcoat {
     strength: f32,

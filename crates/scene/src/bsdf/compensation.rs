@@ -1,8 +1,9 @@
 //! What a microfacet reflection loses to its own shadowing, and how it is given back.
 //!
-//! A single bounce between facets loses light: at roughness 1 a white metal keeps 1 - ln 2 = 0.31 along the normal. The light lost
-//! has bounced more than once; after Kulla and Conty (2017) it leaves as a reciprocal lobe
-//! `(1 - E(o)) (1 - E(i)) / (pi (1 - E_avg))`, coloured by the Fresnel factors of its bounces.
+//! A single bounce between facets loses light: at roughness 1 a white metal keeps 1 - ln 2 = 0.31
+//! along the normal. The light lost has bounced more than once; after Kulla and Conty (2017) it
+//! leaves as a reciprocal lobe `(1 - E(o)) (1 - E(i)) / (pi (1 - E_avg))`, coloured by the Fresnel
+//! factors of its bounces.
 
 use std::sync::LazyLock;
 
@@ -12,13 +13,16 @@ use super::fresnel::{SCHLICK_AVERAGE, schlick};
 use super::ggx::Ggx;
 use super::table::{CosineTable, Row};
 
-/// Directional albedo of a GGX reflection: without Fresnel factor, and with Schlick's `(1 - cos)^5` as factor.
+/// Directional albedo of a GGX reflection: without Fresnel factor, and with Schlick's `(1 - cos)^5`
+/// as factor.
 static REFLECTION: LazyLock<CosineTable<2>> =
     LazyLock::new(|| CosineTable::build(|r| r * r, |cos, r| quadrature(cos, r, [16, 48])));
 
-/// Midpoint rule over the random numbers of the sampling of visible normals; half a turn by symmetry.
+/// Midpoint rule over the random numbers of the sampling of visible normals; half a turn by
+/// symmetry.
 fn quadrature(cos: f32, roughness: f32, [turns, caps]: [u32; 2]) -> [f32; 2] {
-    // At zero all terms of the shadowing vanish; a tiny width stands for the edge of a smooth surface.
+    // At zero all terms of the shadowing vanish; a tiny width stands for the edge of a smooth
+    // surface.
     let cos = cos.max(1e-7);
     let ggx = Ggx::of_width((roughness * roughness).max(1e-5));
     let o = Vec3::new((1.0 - cos * cos).max(0.0).sqrt(), 0.0, cos);
@@ -43,8 +47,8 @@ fn quadrature(cos: f32, roughness: f32, [turns, caps]: [u32; 2]) -> [f32; 2] {
 
 /// Directional albedo of a GGX reflection over the cosine, for one roughness.
 ///
-/// An albedo is a pair: for the Fresnel factor 1, and for Schlick's `(1 - cos)^5`. So that of `f0 + (1 - f0) schlick` is
-/// `f0 first + (1 - f0) second`.
+/// An albedo is a pair: for the Fresnel factor 1, and for Schlick's `(1 - cos)^5`. So that of
+/// `f0 + (1 - f0) schlick` is `f0 first + (1 - f0) second`.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum ReflectionAlbedo {
     /// A mirror: loses nothing.
@@ -83,8 +87,9 @@ impl ReflectionAlbedo {
 
 /// Share of the light lost by single bounces that leaves in the end, per channel.
 ///
-/// `fresnel` is the mean Fresnel factor, `albedo` the mean albedo without it: a geometric series of bounces, in which the first
-/// is already accounted for (Kulla and Conty 2017 with the correction of Hill 2018). 1 for a white metal.
+/// `fresnel` is the mean Fresnel factor, `albedo` the mean albedo without it: a geometric series of
+/// bounces, in which the first is already accounted for (Kulla and Conty 2017 with the correction
+/// of Hill 2018). 1 for a white metal.
 #[inline]
 pub(super) fn multiple_bounces(fresnel: Vec3, albedo: f32) -> Vec3 {
     let bounced = Vec3::ONE - fresnel * (1.0 - albedo);
@@ -95,8 +100,8 @@ pub(super) fn multiple_bounces(fresnel: Vec3, albedo: f32) -> Vec3 {
 mod tests {
     use super::*;
 
-    /// The interpolated table against a finer quadrature, off its nodes. Where facets are narrow the albedo falls steeply at
-    /// grazing angles.
+    /// The interpolated table against a finer quadrature, off its nodes. Where facets are narrow
+    /// the albedo falls steeply at grazing angles.
     #[test]
     fn table_is_the_albedo() {
         for (roughness, bound) in [
@@ -118,7 +123,8 @@ mod tests {
         }
     }
 
-    /// For alpha = 1 seen along the normal the value times cosine is `c / (2 pi (1 + c))`, its integral `1 - ln 2`.
+    /// For alpha = 1 seen along the normal the value times cosine is `c / (2 pi (1 + c))`, its
+    /// integral `1 - ln 2`.
     #[test]
     fn known_value() {
         let albedo = REFLECTION.row(1.0).at(1.0)[0];

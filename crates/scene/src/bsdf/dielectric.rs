@@ -1,4 +1,5 @@
-//! The interface of a body of glass or water: exact Fresnel factors and refraction at facets (Walter et al. 2007).
+//! The interface of a body of glass or water: exact Fresnel factors and refraction at facets
+//! (Walter et al. 2007).
 
 use glam::Vec3;
 
@@ -9,9 +10,10 @@ const MAX_IOR: f32 = 1e3;
 
 /// An interface between two indices.
 ///
-/// Radiance scales by the square of the index: what crosses towards `wo` is multiplied by `1 / eta^2`, `eta` the index on the
-/// side of `wi` over that on the side of `wo`. So for values `f` of light that crosses,
-/// `f(wo, wi) n_i^2 = f(wi, wo) n_o^2`, and over a way in and out again the factors cancel.
+/// Radiance scales by the square of the index: what crosses towards `wo` is multiplied by
+/// `1 / eta^2`, `eta` the index on the side of `wi` over that on the side of `wo`. So for values
+/// `f` of light that crosses, `f(wo, wi) n_i^2 = f(wi, wo) n_o^2`, and over a way in and out again
+/// the factors cancel.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Interface {
     /// Index beyond over the index on the viewer's side.
@@ -39,10 +41,12 @@ impl Interface {
         self.eta
     }
 
-    /// Reflected share per channel and share let through (white), at the cosine between `wo` and the facet.
+    /// Reflected share per channel and share let through (white), at the cosine between `wo` and
+    /// the facet.
     ///
-    /// Exact for the specular strength and colour 1. Else `KHR_materials_specular` moves the reflectance at normal
-    /// incidence, the rest of the curve keeps its shape, and total reflection stays total.
+    /// Exact for the specular strength and colour 1. Else `KHR_materials_specular` moves the
+    /// reflectance at normal incidence, the rest of the curve keeps its shape, and total reflection
+    /// stays total.
     #[inline]
     pub(super) fn split(&self, cos: f32) -> (Vec3, f32) {
         let f = dielectric(cos, self.eta);
@@ -54,7 +58,8 @@ impl Interface {
         (reflected, (1.0 - reflected.max_element()).max(0.0))
     }
 
-    /// The direction that becomes `wo` by refraction at a facet `h` with `wo . h > 0`; `None` under total reflection.
+    /// The direction that becomes `wo` by refraction at a facet `h` with `wo . h > 0`; `None` under
+    /// total reflection.
     #[inline]
     pub(super) fn refract(&self, wo: Vec3, h: Vec3) -> Option<Vec3> {
         let cos = wo.dot(h);
@@ -65,8 +70,8 @@ impl Interface {
         Some(((cos / self.eta - (1.0 - sin2).sqrt()) * h - wo / self.eta).normalize())
     }
 
-    /// The facet that refracts `wi` (below) into `wo` (above), with its two cosines (the second negative) and
-    /// `d` with `wo + eta wi` of length `|d|` along it; `None` if no facet does.
+    /// The facet that refracts `wi` (below) into `wo` (above), with its two cosines (the second
+    /// negative) and `d` with `wo + eta wi` of length `|d|` along it; `None` if no facet does.
     #[inline]
     pub(super) fn facet(&self, wo: Vec3, wi: Vec3) -> Option<Facet> {
         let h = (wo + self.eta * wi).normalize_or_zero();
@@ -83,11 +88,12 @@ impl Interface {
 
 /// A refracting facet.
 pub(super) struct Facet {
-    /// Its normal, z positive.
+    /// Normal of the microfacet, a unit vector with positive z.
     pub h: Vec3,
     /// Cosine to `wo`, positive.
     pub cos_o: f32,
-    /// Solid angle of normals per solid angle of `wi`, over `eta^2` (Walter et al. 2007, equation 17).
+    /// Solid angle of normals per solid angle of `wi`, over `eta^2` (Walter et al. 2007, equation
+    /// 17).
     pub jacobian: f32,
 }
 

@@ -2,7 +2,8 @@
 
 use glam::Vec3;
 
-/// `(1 - cos)^5` for a cosine in [0, 1]: how far Schlick's reflectance has come from normal to grazing incidence (Schlick 1994).
+/// `(1 - cos)^5` for a cosine in [0, 1]: how far Schlick's reflectance has come from normal to
+/// grazing incidence (Schlick 1994).
 #[inline]
 pub(super) fn schlick(cos: f32) -> f32 {
     let m = (1.0 - cos).clamp(0.0, 1.0);
@@ -13,7 +14,8 @@ pub(super) fn schlick(cos: f32) -> f32 {
 /// Mean of [`schlick`] over the hemisphere, weighted by the cosine.
 pub(super) const SCHLICK_AVERAGE: f32 = 1.0 / 21.0;
 
-/// Reflectance at normal incidence of a dielectric of this index, at least 1; 1 for an infinite index.
+/// Reflectance at normal incidence of a dielectric of this index, at least 1; 1 for an infinite
+/// index.
 #[inline]
 pub(super) fn at_normal(ior: f32) -> f32 {
     if ior.is_finite() {
@@ -24,9 +26,11 @@ pub(super) fn at_normal(ior: f32) -> f32 {
     }
 }
 
-/// Reflectance of a smooth dielectric for unpolarised light, exact (Fresnel); 1 under total internal reflection.
+/// Reflectance of a smooth dielectric for unpolarised light, exact (Fresnel); 1 under total
+/// internal reflection.
 ///
-/// `cos` is the cosine of incidence in [0, 1], `eta` the index beyond the interface over the index on this side.
+/// `cos` is the cosine of incidence in [0, 1], `eta` the index beyond the interface over the index
+/// on this side.
 #[inline]
 pub(super) fn dielectric(cos: f32, eta: f32) -> f32 {
     if eta == 1.0 {
@@ -43,7 +47,8 @@ pub(super) fn dielectric(cos: f32, eta: f32) -> f32 {
     0.5 * (s * s + p * p)
 }
 
-/// Reflectance of glTF's dielectric after Schlick, with `KHR_materials_specular`: `strength (f0 + (1 - f0) schlick)`.
+/// Reflectance of glTF's dielectric after Schlick, with `KHR_materials_specular`:
+/// `strength (f0 + (1 - f0) schlick)`.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Dielectric {
     /// Reflectance at normal incidence, in [0, 1] per channel.
@@ -53,7 +58,8 @@ pub(super) struct Dielectric {
 }
 
 impl Dielectric {
-    /// The largest channel of the reflectance at normal incidence: what is let through is white, as the extension wants it.
+    /// The largest channel of the reflectance at normal incidence: what is let through is white, as
+    /// the extension wants it.
     #[inline]
     pub(super) fn f0_max(&self) -> f32 {
         self.f0.max_element()
@@ -70,7 +76,8 @@ mod tests {
         assert!((dielectric(1.0, 1.0 / 1.5) - 0.04).abs() < 1e-6);
         assert!((at_normal(1.5) - 0.04).abs() < 1e-6);
         assert_eq!(at_normal(f32::INFINITY), 1.0);
-        // 60 degrees into glass: Rs = ((1/2 - sqrt(3/2)) / (1/2 + sqrt(3/2)))^2 with 1.5 cos_t = sqrt(3/2).
+        // 60 degrees into glass: Rs = ((1/2 - sqrt(3/2)) / (1/2 + sqrt(3/2)))^2 with 1.5 cos_t =
+        // sqrt(3/2).
         let (c, t) = (0.5f64, 1.5f64.sqrt());
         let (s, p) = ((c - t) / (c + t), (2.25 * c - t) / (2.25 * c + t));
         assert!((f64::from(dielectric(0.5, 1.5)) - 0.5 * (s * s + p * p)).abs() < 1e-6);
@@ -78,7 +85,8 @@ mod tests {
 
     #[test]
     fn brewster_and_total_reflection() {
-        // At Brewster's angle, tan = n, the reflected light is s-polarised only: half of ((n^2 - 1) / (n^2 + 1))^2.
+        // At Brewster's angle, tan = n, the reflected light is s-polarised only: half of ((n^2 - 1)
+        // / (n^2 + 1))^2.
         let n = 1.5f32;
         let cos = 1.0 / (1.0 + n * n).sqrt();
         let s = (n * n - 1.0) / (n * n + 1.0);

@@ -8,7 +8,8 @@ use pileus_math::elementary::sin_cos_turn;
 /// Widths below this are a perfectly smooth surface.
 pub(super) const SMOOTH: f32 = 1e-3;
 
-/// Isotropic GGX with height-correlated Smith shadowing. Directions are local: unit vectors, z along the shading normal.
+/// Isotropic GGX with height-correlated Smith shadowing. Directions are local: unit vectors, z
+/// along the shading normal.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Ggx {
     /// Width, in [`SMOOTH`, 1].
@@ -17,7 +18,8 @@ pub(super) struct Ggx {
 }
 
 impl Ggx {
-    /// The distribution of a perceptual roughness in [0, 1]; `None` where the surface is perfectly smooth.
+    /// The distribution of a perceptual roughness in [0, 1]; `None` where the surface is perfectly
+    /// smooth.
     #[inline]
     pub(super) fn new(roughness: f32) -> Option<Ggx> {
         let alpha = roughness * roughness;
@@ -50,37 +52,43 @@ impl Ggx {
         (self.alpha2 + (1.0 - self.alpha2) * cos * cos).sqrt()
     }
 
-    /// Share of facets seen and lit over `4 cos_o cos_i`, height-correlated (Heitz 2014, equation 99); cosines positive.
+    /// Share of facets seen and lit over `4 cos_o cos_i`, height-correlated (Heitz 2014, equation
+    /// 99); cosines positive.
     #[inline]
     pub(super) fn visibility(&self, cos_o: f32, cos_i: f32) -> f32 {
         0.5 / (cos_i * self.root(cos_o) + cos_o * self.root(cos_i))
     }
 
-    /// Density of normals that `sample` draws, over `4 cos(wo, h)`: the density of a mirrored direction per solid angle.
+    /// Density of normals that `sample` draws, over `4 cos(wo, h)`: the density of a mirrored
+    /// direction per solid angle.
     #[inline]
     pub(super) fn pdf_mirrored(&self, cos_o: f32, h: Vec3) -> f32 {
         self.density(h) * 0.5 / (cos_o + self.root(cos_o))
     }
 
-    /// Value times cosine over density of a mirrored direction: what [`Ggx::sample`] loses to shadowing, at most 1.
+    /// Value times cosine over density of a mirrored direction: what [`Ggx::sample`] loses to
+    /// shadowing, at most 1.
     #[inline]
     pub(super) fn weight_mirrored(&self, cos_o: f32, cos_i: f32) -> f32 {
         self.visibility(cos_o, cos_i) * cos_i * 2.0 * (cos_o + self.root(cos_o))
     }
 
-    /// Draws a normal among those that `wo` sees, proportional to their projected area (Dupuy and Benyoub 2023: spherical caps).
+    /// Draws a normal among those that `wo` sees, proportional to their projected area (Dupuy and
+    /// Benyoub 2023: spherical caps).
     #[inline]
     pub(super) fn sample(&self, wo: Vec3, u: [f32; 2]) -> Vec3 {
         sample_visible(self.alpha, wo, u)
     }
 }
 
-/// See [`Ggx::sample`]; also for widths below the limit, down to zero.
+/// Draws a normal among those that `wo` sees, for a distribution of any width `alpha`, zero
+/// included; `u` is uniform in [0, 1)^2. [`Ggx::sample`] is this for widths above its limit.
 #[inline]
 pub(super) fn sample_visible(alpha: f32, wo: Vec3, u: [f32; 2]) -> Vec3 {
     let stretched = Vec3::new(alpha * wo.x, alpha * wo.y, wo.z).normalize();
     let (sin, cos) = sin_cos_turn(u[0]);
-    // z is uniform in (-stretched.z, 1]; its distance from 1 is kept so that the sine has all its digits.
+    // z is uniform in (-stretched.z, 1]; its distance from 1 is kept so that the sine has all its
+    // digits.
     let below_one = u[1] * (1.0 + stretched.z);
     let radius = (below_one * (2.0 - below_one)).max(0.0).sqrt();
     let cap = Vec3::new(radius * cos, radius * sin, 1.0 - below_one);

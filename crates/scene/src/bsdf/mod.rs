@@ -1,11 +1,13 @@
 //! How a surface scatters light: glTF's metallic-roughness model with its extensions.
 //!
-//! From the outside in: clear coat, sheen, base. The base has facets (GGX) of metal and dielectric, which reflect and let through, and
-//! cosine-shaped lobes for diffuse light and for light that bounced between facets. Every layer is scaled by what the layers above
-//! leave, reciprocally. See the book's page on surfaces for the formulas and their accuracy.
+//! From the outside in: clear coat, sheen, base. The base has facets (GGX) of metal and dielectric,
+//! which reflect and let through, and cosine-shaped lobes for diffuse light and for light that
+//! bounced between facets. Every layer is scaled by what the layers above leave, reciprocally. See
+//! the book's page on surfaces for the formulas and their accuracy.
 //!
-//! **Radiance.** Values are for camera paths: light that crosses an interface of a body towards `wo` is scaled by
-//! `(n_o / n_i)^2`, so that `f(wo, wi) n_i^2 = f(wi, wo) n_o^2`; everything else is symmetric.
+//! **Radiance.** Values are for camera paths: light that crosses an interface of a body towards
+//! `wo` is scaled by `(n_o / n_i)^2`, so that `f(wo, wi) n_i^2 = f(wi, wo) n_o^2`; everything else
+//! is symmetric.
 
 mod base;
 mod clearcoat;
@@ -27,13 +29,15 @@ use self::clearcoat::Clearcoat;
 use self::sheen::Sheen;
 use crate::surface::SurfaceParameters;
 
-/// Viewers behind the shading normal are lifted to this cosine: seen there at grazing angles instead of black.
+/// Viewers behind the shading normal are lifted to this cosine: seen there at grazing angles
+/// instead of black.
 const MIN_COS: f32 = 1e-4;
 
 /// The scattering of a point of a surface, resolved into lobes. World space.
 ///
-/// Light is reflected only if `wi` is above both the shading and the geometric normal and transmitted only if it is below
-/// both, so that no shading normal lets light leak. What lobes lose by that is lost.
+/// Light is reflected only if `wi` is above both the shading and the geometric normal and
+/// transmitted only if it is below both, so that no shading normal lets light leak. What lobes lose
+/// by that is lost.
 #[derive(Debug, Clone, Copy)]
 pub struct Bsdf {
     x: Vec3,
@@ -52,7 +56,8 @@ pub struct Bsdf {
 pub struct BsdfSample {
     /// Unit direction away from the surface.
     pub wi: Vec3,
-    /// Value times cosine over density; for a delta lobe its factor over the probability of drawing it. Finite, not negative.
+    /// Value times cosine over density; for a delta lobe its factor over the probability of drawing
+    /// it. Finite, not negative.
     pub weight: Vec3,
     /// Density per solid angle as [`Bsdf::pdf`] says; 0 for a delta lobe.
     pub pdf: f32,
@@ -90,9 +95,10 @@ struct View {
 impl Bsdf {
     /// Resolves the parameters into lobes.
     ///
-    /// `normal`: unit shading normal on the viewer's side; `geometric`: unit geometric normal on the viewer's side;
-    /// `entering`: whether the viewer is outside of the body (front face). Parameters must be in their ranges. The first call
-    /// with a rough material fills a table of albedos, the first with sheen another (the first took 74 ms where it was timed).
+    /// `normal`: unit shading normal on the viewer's side; `geometric`: unit geometric normal on
+    /// the viewer's side; `entering`: whether the viewer is outside of the body (front face).
+    /// Parameters must be in their ranges. The first call with a rough material fills a table of
+    /// albedos, the first with sheen another (the first took 74 ms where it was timed).
     pub fn new(
         parameters: &SurfaceParameters,
         normal: Vec3,
@@ -113,7 +119,8 @@ impl Bsdf {
         }
     }
 
-    /// Value times |cos| between `wi` and the shading normal, without delta lobes, 1/sr. Both unit, away from the surface.
+    /// Value times |cos| between `wi` and the shading normal, without delta lobes, 1/sr. Both unit,
+    /// away from the surface.
     #[inline]
     pub fn eval(&self, wo: Vec3, wi: Vec3) -> Vec3 {
         self.eval_pdf(wo, wi).0
@@ -121,7 +128,8 @@ impl Bsdf {
 
     /// Density per solid angle with which [`sample`](Bsdf::sample) draws `wi`, without delta lobes.
     ///
-    /// Its integral is below 1 by the probability of delta lobes and of draws that end on the wrong side.
+    /// Its integral is below 1 by the probability of delta lobes and of draws that end on the wrong
+    /// side.
     #[inline]
     pub fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
         self.eval_pdf(wo, wi).1
@@ -138,7 +146,8 @@ impl Bsdf {
         }
     }
 
-    /// Draws a direction; `None` if the path ends (absorbed, or on the wrong side of the surface). `u` in [0, 1)^3.
+    /// Draws a direction; `None` if the path ends (absorbed, or on the wrong side of the surface).
+    /// `u` in [0, 1)^3.
     pub fn sample(&self, wo: Vec3, u: [f32; 3]) -> Option<BsdfSample> {
         let view = self.view(wo);
         let (lobe, probability, rest) = choose(&view.p, u[0])?;
@@ -229,7 +238,8 @@ impl Bsdf {
         self.base.is_delta() && !coat && !(self.layered && self.sheen.is_some())
     }
 
-    /// Share of light that is not absorbed, mean over all directions, in [0, 1]; an estimate. The scale of radiance is left out.
+    /// Share of light that is not absorbed, mean over all directions, in [0, 1]; an estimate. The
+    /// scale of radiance is left out.
     pub fn albedo(&self) -> Vec3 {
         let mut sum = self.base.average();
         if self.layered {
@@ -319,7 +329,8 @@ impl Bsdf {
         View { o, base, coat_loss, sheen_loss, p }
     }
 
-    /// What coat and sheen leave of light between the viewer and a direction at this cosine in (0, 1].
+    /// What coat and sheen leave of light between the viewer and a direction at this cosine in (0,
+    /// 1].
     #[inline]
     fn below(&self, view: &View, cos_i: f32, layered: bool) -> f32 {
         if !layered {
@@ -373,7 +384,8 @@ impl Bsdf {
     }
 }
 
-/// Chooses a lobe by its probability: the lobe, the probability, and a uniform number in [0, 1) left over.
+/// Chooses a lobe by its probability: the lobe, the probability, and a uniform number in [0, 1)
+/// left over.
 #[inline]
 fn choose(p: &[f32; 6], u: f32) -> Option<(Lobe, f32, f32)> {
     let mut left = u;

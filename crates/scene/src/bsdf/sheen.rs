@@ -13,9 +13,10 @@ const MIN_ROUGHNESS: f32 = 0.07;
 
 /// A layer of fibres, without absorption where the colour is white.
 ///
-/// Distribution of Estevez and Kulla (2017, "Charlie"), `alpha` the square of the roughness, with the visibility of Ashikhmin and
-/// Premoze (2007) that the extension names as an alternative. That pair reflects more than it receives at grazing angles; here
-/// it is divided by `max(1, E(o), E(i))`, `E` the tabulated albedo, which keeps it reciprocal.
+/// Distribution of Estevez and Kulla (2017, "Charlie"), `alpha` the square of the roughness, with
+/// the visibility of Ashikhmin and Premoze (2007) that the extension names as an alternative. That
+/// pair reflects more than it receives at grazing angles; here it is divided by
+/// `max(1, E(o), E(i))`, `E` the tabulated albedo, which keeps it reciprocal.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Sheen {
     color: Vec3,
@@ -86,7 +87,8 @@ impl Sheen {
         self.color * (raw(self.half_exponent, o, i) / gain)
     }
 
-    /// Bound of the directional albedo of the strongest channel: what the layers below lose, in [0, 1].
+    /// Bound of the directional albedo of the strongest channel: what the layers below lose, in [0,
+    /// 1].
     #[inline]
     pub(super) fn loss(&self, cos: f32) -> f32 {
         self.color.max_element() * self.albedo.at(cos)[0].min(1.0)

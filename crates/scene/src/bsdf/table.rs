@@ -9,9 +9,10 @@ const AVERAGE: usize = 1024;
 
 /// `K` functions of (cosine, roughness) on [0, 1]^2.
 ///
-/// Rows are even in roughness. Along a row nodes are even in the mean of two roots: that of the cosine, and that of
-/// `cos / (cos + s)` with `s` the cosine below which a surface of that roughness darkens: so a narrow edge at grazing
-/// angles is resolved, and stays in its column from row to row.
+/// Rows are even in roughness. Along a row nodes are even in the mean of two roots: that of the
+/// cosine, and that of `cos / (cos + s)` with `s` the cosine below which a surface of that
+/// roughness darkens: so a narrow edge at grazing angles is resolved, and stays in its column from
+/// row to row.
 pub(super) struct CosineTable<const K: usize> {
     values: Vec<[[f32; K]; COLUMNS]>,
     averages: Vec<[f32; K]>,
@@ -36,7 +37,8 @@ fn cosine(x: f32, grazing: f32) -> f32 {
 }
 
 impl<const K: usize> CosineTable<K> {
-    /// Evaluates `f(cosine, roughness)` at the nodes. `grazing` is the cosine of the edge for a roughness.
+    /// Evaluates `f(cosine, roughness)` at the nodes. `grazing` is the cosine of the edge for a
+    /// roughness.
     pub(super) fn build(
         grazing: fn(f32) -> f32,
         f: impl Fn(f32, f32) -> [f32; K],

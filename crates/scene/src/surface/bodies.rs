@@ -46,7 +46,8 @@ pub(crate) struct Shells {
 
 /// No shell.
 const NONE: u32 = u32::MAX;
-/// Area that open edges could enclose, over the shell's own, up to which it has holes and is not open.
+/// Area that open edges could enclose, over the shell's own, up to which it has holes and is not
+/// open.
 const HOLES: f64 = 0.01;
 /// Most tests of rays against triangles for whether a shell is the wall of a cavity.
 const MOST_TESTS: usize = 1 << 28;
@@ -56,7 +57,8 @@ impl Shells {
         let edges = Edges::new(triangles);
         let kept = edges.peeled();
         let mut forest = Forest::new(triangles.len());
-        // Of closed shells: edges at which triangles meet that do not bound anything together, and those that have no sides.
+        // Of closed shells: edges at which triangles meet that do not bound anything together, and
+        // those that have no sides.
         let (mut odd, mut one_sided, mut open) = (Vec::new(), Vec::new(), Vec::new());
         let mut around: Vec<(u32, bool)> = Vec::new();
         for edge in edges.groups() {
@@ -182,10 +184,12 @@ impl Shells {
         }
     }
 
-    /// Finds the triangles whose fronts are inside of a body. Walls of cavities face into the cavity: that is outside.
+    /// Finds the triangles whose fronts are inside of a body. Walls of cavities face into the
+    /// cavity: that is outside.
     fn turn(&mut self, triangles: &[[Vec3; 3]], facts: &[Facts]) {
         let bounds_body = |shell: &Shell| matches!(shell.closure, Closure::Closed | Closure::Holed);
-        // Relative to each other fronts are right now; as most of a shell has it in the file is taken for meant.
+        // Relative to each other fronts are right now; as most of a shell has it in the file is
+        // taken for meant.
         let mut flips = vec![false; self.shells.len()];
         for ((shell, facts), flip) in self.shells.iter_mut().zip(facts).zip(&mut flips) {
             *flip = facts.turned_area > 0.5 * shell.area;
@@ -236,7 +240,8 @@ impl Shells {
         }
     }
 
-    /// Whether a shell lies inside the bodies `around`: a ray from it leaves more of them than it enters, by the majority of three.
+    /// Whether a shell lies inside the bodies `around`: a ray from it leaves more of them than it
+    /// enters, by the majority of three.
     fn is_within(
         &self,
         triangles: &[[Vec3; 3]],
@@ -311,7 +316,8 @@ struct Facts {
 
 /// Edges of triangles.
 struct Edges {
-    /// Lower and higher vertex of an edge; twice the triangle's number, one more if it runs upwards.
+    /// Lower and higher vertex of an edge; twice the triangle's number, one more if it runs
+    /// upwards.
     uses: Vec<(u64, u32)>,
     /// Of each triangle its edges' numbers in order of `uses`; [`NONE`] for those that are nothing.
     of: Vec<[u32; 3]>,
@@ -366,7 +372,8 @@ impl Edges {
         (b - a).length()
     }
 
-    /// Pairs of the triangles around an edge between which a body lies, seen along the edge: the shells that touch there. `None` if they do not pair.
+    /// Pairs of the triangles around an edge between which a body lies, seen along the edge: the
+    /// shells that touch there. `None` if they do not pair.
     fn wedges(
         &self,
         triangles: &[[Vec3; 3]],
@@ -396,8 +403,8 @@ impl Edges {
             })
             .collect();
         turns.sort_by(|p, q| p.0.total_cmp(&q.0));
-        // A triangle that runs upwards has its back, where its body is, on the side of smaller angles: there the body ends. Of those in one place
-        // bodies end before others begin.
+        // A triangle that runs upwards has its back, where its body is, on the side of smaller
+        // angles: there the body ends. Of those in one place bodies end before others begin.
         for place in turns.chunk_by_mut(|p, q| q.0 - p.0 < SAME) {
             place.sort_by_key(|(_, ends, triangle)| (!ends, *triangle));
         }
@@ -425,7 +432,8 @@ impl Edges {
     /// bounds something, without the sheets that hang on it.
     fn peeled(&self) -> Vec<bool> {
         let mut kept: Vec<bool> = self.of.iter().map(|edges| edges[0] != NONE).collect();
-        // Of each edge how many triangles are left, and all their numbers in one: of a single one it is that.
+        // Of each edge how many triangles are left, and all their numbers in one: of a single one
+        // it is that.
         let mut left: Vec<(u32, u32)> = Vec::new();
         for group in self.groups() {
             let all = group.iter().fold(0, |all, (_, used)| all ^ (used >> 1));

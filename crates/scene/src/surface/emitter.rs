@@ -9,16 +9,16 @@ use super::texture::{Image, Texture, Wrap};
 /// A triangle of an instance that gives off light, in world space.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EmissiveTriangle {
-    /// Its first vertex.
+    /// First vertex of the triangle, in world space.
     pub p0: DVec3,
     /// From the first to the second vertex. The point with barycentrics `[b1, b2]` is
     /// `p0 + b1 e1 + b2 e2`.
     pub e1: DVec3,
     /// From the first to the third vertex.
     pub e2: DVec3,
-    /// Its unit normal on the front side. Where an instance is mirrored, it is opposite to `e1 x e2`.
+    /// Unit normal on the front side. Where an instance is mirrored, it is opposite to `e1 x e2`.
     pub normal: Vec3,
-    /// Its area.
+    /// Area of the triangle, in scene units squared.
     pub area: f64,
     /// Emitted radiance averaged over it, holes of its alpha counted as dark: by at most some 250
     /// samples of its textures, raised so that no channel is 0 that may emit anywhere.
@@ -27,7 +27,7 @@ pub struct EmissiveTriangle {
     pub two_sided: bool,
     /// The instance it belongs to.
     pub instance: u32,
-    /// Its number in the instance's mesh.
+    /// Number of the triangle in the instance's mesh.
     pub triangle: u32,
     /// How far points of it may be off their plane by rounding.
     pub(crate) offset: f64,

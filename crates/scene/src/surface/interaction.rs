@@ -54,9 +54,10 @@ pub struct Interaction {
     pub emitter: Option<u32>,
     /// How far the point may be off its plane, or off the faces that coincide with it.
     pub(crate) offset: f64,
-    /// As in [`Hit`].
+    /// How far faces that coincide with this one may be from it; 0 if there are none.
     pub(crate) slack: f32,
-    /// As in [`Hit`].
+    /// Of a sheet that lies on both sides of an opaque one in the same place: whether its front is
+    /// on the outside.
     pub(crate) outer_front: bool,
 }
 
@@ -81,7 +82,7 @@ impl Interaction {
 pub(crate) struct Rounding {
     /// Absolute values of the matrix to the world.
     matrix: DMat3,
-    /// The same times those of its inverse.
+    /// Absolute values of the matrix to the world, times those of its inverse.
     round_trip: DMat3,
     /// What does not depend on the point.
     constant: DVec3,
@@ -105,7 +106,8 @@ impl Rounding {
     /// vertices of at most `reach` in the mesh's space and is the origin of a ray into it.
     pub(crate) fn offset(&self, reach: DVec3, p_world: DVec3, normal: Vec3) -> f64 {
         let error = self.matrix * reach + self.round_trip * p_world.abs() + self.constant;
-        // The next ray's distance to the triangle is made from all coordinates, whatever the normal: a floor at height zero is no exact plane to it.
+        // The next ray's distance to the triangle is made from all coordinates, whatever the
+        // normal: a floor at height zero is no exact plane to it.
         let error = error.max_element() * f64::from(normal.abs().element_sum());
         // Something above zero even at the origin of everything.
         (error * ROUNDING).max(f64::MIN_POSITIVE)

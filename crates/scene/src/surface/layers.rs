@@ -3,13 +3,13 @@
 //! Faces in one place mean faces with a gap of no width between them, with air in it. So they have
 //! an order, and rays meet one after the other. Along a ray come first the bodies that it leaves,
 //! then sheets, then the bodies that it enters; opaque things are bodies where they are closed. Of
-//! bodies that face the same way the smaller one is inside of the larger. Of sheets those that are opaque lie between those that let light through,
-//! which are on both sides of them (a pane on a floor, a label on a wall: seen before it from
-//! either side); then a sheet whose front faces the ray comes before one whose back does, and of
-//! two that face the same way the smaller lies on the front of the larger. What is left, sheets of
-//! the same size or bodies of the same size, is ordered by the materials' names and values, then by
-//! place. Nothing depends on the order of nodes, and a ray that comes the other way meets the same
-//! order from its other end.
+//! bodies that face the same way the smaller one is inside of the larger. Of sheets those that are
+//! opaque lie between those that let light through, which are on both sides of them (a pane on a
+//! floor, a label on a wall: seen before it from either side); then a sheet whose front faces the
+//! ray comes before one whose back does, and of two that face the same way the smaller lies on the
+//! front of the larger. What is left, sheets of the same size or bodies of the same size, is
+//! ordered by the materials' names and values, then by place. Nothing depends on the order of
+//! nodes, and a ray that comes the other way meets the same order from its other end.
 //!
 //! All that is decided where a ray finds faces in one place; scenes without such faces are not
 //! searched for them.
@@ -40,10 +40,11 @@ pub(super) struct Misfit {
     pub(super) window: f64,
 }
 
-/// Single precision rounds vertices, and transforms of their nodes: coordinates are off by some units
-/// of 2^-24.
+/// Single precision rounds vertices, and transforms of their nodes: coordinates are off by some
+/// units of 2^-24.
 const FILE: f64 = 1.0 / (1u64 << 22) as f64;
-/// Faces that are further apart than this share of the smaller instance's size have a gap that is meant.
+/// Faces that are further apart than this share of the smaller instance's size have a gap that is
+/// meant.
 const GAP: f64 = 4e-6;
 /// Largest inverse cosine at which faces that differ by the precision of files are still compared.
 const GRAZING: f64 = 16.0;
@@ -178,8 +179,8 @@ impl Surfaces {
     /// 0: of faces that coincide the one behind. `None` if there is no other; then the ray goes on
     /// from [`Interaction::spawn`]. Holes as in [`Self::intersect`].
     ///
-    /// Coincident faces mean a gap of no width with air in it. A ray meets first the walls of bodies
-    /// that it leaves, then sheets, then the walls of bodies that it enters.
+    /// Coincident faces mean a gap of no width with air in it. A ray meets first the walls of
+    /// bodies that it leaves, then sheets, then the walls of bodies that it enters.
     #[inline]
     pub fn next_layer(
         &self,
@@ -263,7 +264,8 @@ impl Surfaces {
         Some(hit)
     }
 
-    /// The first along a ray of the surfaces that coincide with the nearest hit; `near` are other hits that may.
+    /// The first along a ray of the surfaces that coincide with the nearest hit; `near` are other
+    /// hits that may.
     #[cold]
     #[inline(never)]
     pub(super) fn first_layer(&self, ray: &DRay, nearest: Hit, near: &[Hit]) -> Hit {
@@ -290,8 +292,9 @@ impl Surfaces {
         hit
     }
 
-    /// Whether anything hides a point of an emissive triangle from another point: what lies between, and what coincides
-    /// with the triangle and comes before it. Both ends as in [`Self::occluded_between`].
+    /// Whether anything hides a point of an emissive triangle from another point: what lies
+    /// between, and what coincides with the triangle and comes before it. Both ends as in
+    /// [`Self::occluded_between`].
     pub fn hides_lamp(&self, from: DVec3, to: DVec3, emitter: u32, rng: &mut impl Rng) -> bool {
         let Some(lamp) = self.emitters.get(emitter as usize) else {
             return self.occluded_between(from, to, rng);
@@ -497,8 +500,9 @@ mod tests {
         met
     }
 
-    /// Random stacks of walls of bodies and sheets in one plane, turned, scaled, placed and numbered at random: rays meet every one of them, bodies that are left
-    /// first, in an order that does not depend on numbers, and the reverse of it from the other side.
+    /// Random stacks of walls of bodies and sheets in one plane, turned, scaled, placed and
+    /// numbered at random: rays meet every one of them, bodies that are left first, in an order
+    /// that does not depend on numbers, and the reverse of it from the other side.
     #[test]
     fn stacks_have_one_order_from_both_sides() {
         let transmitting = |name: &str| Material {

@@ -70,7 +70,7 @@ pub(crate) struct Material {
     /// `KHR_materials_volume`: whether its thickness is above 0, so that the surface bounds a body;
     /// `None` without the extension.
     pub(crate) volume: Option<bool>,
-    /// Its medium, if it is not clear.
+    /// The medium behind the surface, if it is not clear.
     pub(crate) interior: Option<Interior>,
     /// What textures make of its medium where a path enters it.
     pub(crate) scatter: Option<Box<Scatter>>,

@@ -24,7 +24,7 @@ pub(crate) struct Part {
 }
 
 impl Part {
-    /// The same for triangles that are turned round: normals to the other side, and bitangents
+    /// This part for triangles that are turned round: normals to the other side, and bitangents
     /// where they were.
     pub(crate) fn turned(&self) -> Self {
         let normals = self.normals.as_deref().map(|all| all.iter().map(|n| -*n).collect());
@@ -297,7 +297,8 @@ where
     a * (1.0 - b1 - b2) + b * b1 + c * b2
 }
 
-/// See [`Mesh::is_closed`]; triangles with fewer than three places are nothing.
+/// Whether no edge is open: each belongs to an even number of triangles, vertices at equal places
+/// taken for one. Triangles with fewer than three places are nothing.
 pub(crate) fn is_closed(triangles: &[[Vec3; 3]]) -> bool {
     let mut vertices: HashMap<[u32; 3], u32> = HashMap::new();
     // How often each edge is met, lower vertex first.

@@ -43,11 +43,11 @@ use triangle::ShearedRay;
 /// What makes a transmissive surface without `KHR_materials_volume` a body or a thin wall.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum GlassRule {
-    /// As glTF says: such a surface is infinitely thin and bends nothing.
+    /// What glTF says: such a surface is infinitely thin and bends nothing.
     ByTheLetter,
-    /// Where a connected part of its mesh is closed (no edge is open, vertices at equal places taken
-    /// for one) and holds a volume, that part bounds a body. Exporters leave the extension out
-    /// where an artist made a glass ball (Blender's does).
+    /// Where a connected part of its mesh is closed (no edge is open, vertices at equal places
+    /// taken for one) and holds a volume, that part bounds a body. Exporters leave the extension
+    /// out where an artist made a glass ball (Blender's does).
     #[default]
     ClosedMeshesAreSolid,
 }
@@ -294,7 +294,8 @@ impl Surfaces {
         self.trace::<false, false>(ray, t_max, rng)
     }
 
-    /// Whether a ray comes near the surfaces within `t_max`, in lengths of `direction`; if not it hits nothing. A quick test for callers whose rays mostly pass by.
+    /// Whether a ray comes near the surfaces within `t_max`, in lengths of `direction`; if not it
+    /// hits nothing. A quick test for callers whose rays mostly pass by.
     #[inline(always)]
     pub fn may_be_met(&self, origin: DVec3, direction: Vec3, t_max: f64) -> bool {
         let inverse = direction.as_dvec3().recip();
@@ -322,7 +323,8 @@ impl Surfaces {
         self.trace::<false, true>(ray, t_max, rng)
     }
 
-    /// Whether a surface lies in (0, `t_max`) along a ray; holes and backs as in [`Self::intersect`].
+    /// Whether a surface lies in (0, `t_max`) along a ray; holes and backs as in
+    /// [`Self::intersect`].
     pub fn occluded(&self, origin: DVec3, direction: Vec3, t_max: f64, rng: &mut impl Rng) -> bool {
         let ray = DRay { origin, direction: direction.as_dvec3() };
         self.trace::<true, false>(ray, t_max, rng).is_some()
@@ -383,8 +385,9 @@ impl Surfaces {
         }
     }
 
-    /// Calls `visit` with every hit of a ray with a `t` in (0, `t_max`], near ones roughly first, whether the surface is present there or not. `visit`
-    /// gets the present end of the ray and returns the new one, which may be closer; a negative end stops the walk.
+    /// Calls `visit` with every hit of a ray with a `t` in (0, `t_max`], near ones roughly first,
+    /// whether the surface is present there or not. `visit` gets the present end of the ray and
+    /// returns the new one, which may be closer; a negative end stops the walk.
     #[inline(always)]
     fn walk(
         &self,
@@ -617,7 +620,8 @@ impl Instance {
     }
 }
 
-/// Bounds with room for the rounding of rays in double precision, and more than a tree of surfaces pads its boxes by.
+/// Bounds with room for the rounding of rays in double precision, and more than a tree of surfaces
+/// pads its boxes by.
 fn padded((low, high): (DVec3, DVec3)) -> (DVec3, DVec3) {
     let largest = low.abs().max(high.abs()).max_element();
     let padding = (high - low).max_element() * (1.0 / 65_536.0) + largest * 1e-12;

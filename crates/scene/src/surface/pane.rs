@@ -9,7 +9,7 @@ use crate::bsdf::Passing;
 /// A material that lets light through, but not straight on.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Obstacle {
-    /// Its name; empty if it has none.
+    /// Name of the material; empty if it has none.
     pub name: String,
     /// Whether it bends light into one direction, so that no path finds a light without extent
     /// behind it; else it scatters light, and paths find the light from the surface.

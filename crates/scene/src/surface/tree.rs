@@ -269,7 +269,8 @@ mod tests {
         assert_eq!(count(&point, DVec3::new(1.0, 1.0, 9.0), DVec3::NEG_Z), 1);
     }
 
-    /// Boxes that no order tells apart, and boxes one inside the other: time and depth stay bounded.
+    /// Boxes that no order tells apart, and boxes one inside the other: time and depth stay
+    /// bounded.
     #[test]
     fn hostile_sets_are_walked() {
         let n = 50_000;

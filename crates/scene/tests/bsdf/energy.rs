@@ -17,9 +17,11 @@ fn albedo(p: &SurfaceParameters, cos: f32) -> DVec3 {
     r + t
 }
 
-/// Directional albedo of all lobes, by a quasi-random rule of `n` points; the scale of radiance taken out.
+/// Directional albedo of all lobes, by a quasi-random rule of `n` points; the scale of radiance
+/// taken out.
 fn albedo_of_samples(bsdf: &Bsdf, wo: Vec3, scale: f64, n: u32) -> DVec3 {
-    // Powers of the root of x^4 = x + 1: the sequence of least discrepancy of its kind in three dimensions.
+    // Powers of the root of x^4 = x + 1: the sequence of least discrepancy of its kind in three
+    // dimensions.
     let root = 1.220_744_084_605_759_5f64;
     let at = |k: u32, axis: i32| {
         ((0.5 + f64::from(k) * root.powi(-axis)).fract() as f32).min(0.999_999_9)
@@ -31,7 +33,8 @@ fn albedo_of_samples(bsdf: &Bsdf, wo: Vec3, scale: f64, n: u32) -> DVec3 {
     sum / f64::from(n)
 }
 
-/// A white metal loses less than 1 % at any roughness and angle, and gains no more than the table's error.
+/// A white metal loses less than 1 % at any roughness and angle, and gains no more than the table's
+/// error.
 #[test]
 fn white_metal() {
     let mut range = [2.0f64, 0.0];
@@ -78,7 +81,8 @@ fn white_thin_wall() {
     }
 }
 
-/// Every kind of surface, white, both sides, roughness 0 to 1: never above 1. Prints the least of each.
+/// Every kind of surface, white, both sides, roughness 0 to 1: never above 1. Prints the least of
+/// each.
 #[test]
 fn never_above_one() {
     for (k, (name, _)) in all(0.0).into_iter().enumerate() {

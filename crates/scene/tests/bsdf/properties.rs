@@ -72,7 +72,8 @@ proptest! {
         ..ProptestConfig::default()
     })]
 
-    /// Values, densities and weights are finite and not negative; a sample's weight is value over density, to the last bit.
+    /// Values, densities and weights are finite and not negative; a sample's weight is value over
+    /// density, to the last bit.
     #[test]
     fn values_are_sound(
         p in surface(), entering in any::<bool>(), tilt in direction(), amount in 0.0f32..0.9,

@@ -6,7 +6,8 @@ use pileus_scene::SurfaceParameters;
 
 use crate::materials::NORMAL;
 
-/// Polar coordinates about the middle of a lobe: angle `pi x^2` with x in [0, 1], and an azimuth in turns.
+/// Polar coordinates about the middle of a lobe: angle `pi x^2` with x in [0, 1], and an azimuth in
+/// turns.
 pub(crate) struct Polar {
     axis: Vec3,
     x: Vec3,

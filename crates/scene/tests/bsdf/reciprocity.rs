@@ -6,7 +6,8 @@ use rand_pcg::Pcg32;
 
 use crate::materials::{NORMAL, all, direction};
 
-/// `f(wo, wi) n_i^2 = f(wi, wo) n_o^2` for every lobe, on the same side and across, from both sides.
+/// `f(wo, wi) n_i^2 = f(wi, wo) n_o^2` for every lobe, on the same side and across, from both
+/// sides.
 #[test]
 fn values_are_reciprocal() {
     let mut rng = Pcg32::new(11, 5);

@@ -34,8 +34,9 @@ fn cases(f: impl Fn(&str, &SurfaceParameters, f32, bool, u64) + Sync) {
     });
 }
 
-/// Null hypothesis: samples fall into cells of solid angle as `pdf` says; what is left is delta lobes and ended paths, none of
-/// which has a density. Chi-square, false alarm 1e-10 per case, 2e-8 in all. Cells that expect fewer than 10 are joined.
+/// Null hypothesis: samples fall into cells of solid angle as `pdf` says; what is left is delta
+/// lobes and ended paths, none of which has a density. Chi-square, false alarm 1e-10 per case, 2e-8
+/// in all. Cells that expect fewer than 10 are joined.
 #[test]
 fn samples_follow_the_density() {
     const N: u32 = 60_000;
@@ -115,8 +116,9 @@ fn samples_follow_the_density() {
     });
 }
 
-/// Null hypothesis: the mean weight of samples that are not from delta lobes is the integral of the value. z-test per channel,
-/// the quadrature's error (against half its resolution) added to the variance; |z| < 7, false alarm 3e-12 per channel.
+/// Null hypothesis: the mean weight of samples that are not from delta lobes is the integral of the
+/// value. z-test per channel, the quadrature's error (against half its resolution) added to the
+/// variance; |z| < 7, false alarm 3e-12 per channel.
 #[test]
 fn mean_weight_is_the_integral() {
     const N: u32 = 40_000;

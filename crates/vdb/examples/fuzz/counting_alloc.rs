@@ -14,7 +14,8 @@ fn grow(bytes: usize) {
     PEAK.fetch_max(now, Relaxed);
 }
 
-// SAFETY: every call is handed on to the system's allocator unchanged; the counters do not touch memory it manages.
+// SAFETY: every call is handed on to the system's allocator unchanged; the counters do not touch
+// memory it manages.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         grow(layout.size());
@@ -30,7 +31,8 @@ unsafe impl GlobalAlloc for Counting {
 
     unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
         CURRENT.fetch_sub(layout.size(), Relaxed);
-        // SAFETY: the caller got the pointer from this allocator, so from the system's, with this layout.
+        // SAFETY: the caller got the pointer from this allocator, so from the system's, with this
+        // layout.
         unsafe { System.dealloc(pointer, layout) }
     }
 
@@ -42,7 +44,8 @@ unsafe impl GlobalAlloc for Counting {
     }
 }
 
-/// Runs `work` and returns its result with the most bytes that were allocated at once beyond what was before.
+/// Runs `work` and returns its result with the most bytes that were allocated at once beyond what
+/// was before.
 pub(crate) fn peak_of<T>(work: impl FnOnce() -> T) -> (T, usize) {
     let before = CURRENT.load(Relaxed);
     PEAK.store(before, Relaxed);

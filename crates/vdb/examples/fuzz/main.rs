@@ -1,10 +1,13 @@
-//! Damages OpenVDB files in many ways and checks that reading them never panics, never takes long and never takes much memory.
+//! Damages OpenVDB files in many ways and checks that reading them never panics, never takes long
+//! and never takes much memory.
 //!
-//! `cargo run --release --example fuzz -- --seconds 3600 --seed 1 --out DIR [--keep DIR] FILE_OR_FOLDER...`
+//! `cargo run --release --example fuzz -- --seconds 3600 --seed 1 --out DIR
+//! [--keep DIR] FILE_OR_FOLDER...`
 //!
-//! Every candidate is one of the given files with one to four mutations, which know about lengths, counts, offsets and compressed
-//! blocks. It depends only on the seed, its number and the files. What fails is saved under `--out` with its story. `--keep`
-//! collects small candidates, one for each error text not met before (digits aside), cut as short as the error allows.
+//! Every candidate is one of the given files with one to four mutations, which know about lengths,
+//! counts, offsets and compressed blocks. It depends only on the seed, its number and the files.
+//! What fails is saved under `--out` with its story. `--keep` collects small candidates, one for
+//! each error text not met before (digits aside), cut as short as the error allows.
 #![allow(clippy::print_stdout, clippy::print_stderr)]
 
 use std::collections::BTreeMap;

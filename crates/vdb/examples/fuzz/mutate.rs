@@ -120,7 +120,8 @@ pub(crate) fn candidate(samples: &[Sample], random: &mut Random) -> (Vec<u8>, St
     (bytes, story)
 }
 
-/// Moves the end of the last grid to the new end of the file, so that other damage than a short file is met.
+/// Moves the end of the last grid to the new end of the file, so that other damage than a short
+/// file is met.
 fn mend_end(bytes: &mut [u8], old: usize) -> String {
     let (old, new) = ((old as u64).to_le_bytes(), (bytes.len() as u64).to_le_bytes());
     let head = bytes.len().min(1 << 16);

@@ -33,12 +33,13 @@ pub(crate) trait ChannelMode: Copy + Send + Sync {
     /// The throughput of a flight under way, zero for channels that have ended.
     fn throughput(self, flight: &Self::Flight) -> Vec3;
 
-    /// Share of a medium's extinction whose collisions the channels under way need, in [0, 1]; `ratio`: of the channels' extinction to the strongest one's.
-    /// Zero: the medium is clear for them.
+    /// Share of a medium's extinction whose collisions the channels under way need, in [0, 1];
+    /// `ratio`: of the channels' extinction to the strongest one's. Zero: the medium is clear for
+    /// them.
     fn share(self, flight: &Self::Flight, ratio: Vec3) -> f32;
 
-    /// Decides tentative collisions in order, until none is left or no channel is under way; whether that is so. `decision`: a stratified uniform number for the
-    /// first.
+    /// Decides tentative collisions in order, until none is left or no channel is under way;
+    /// whether that is so. `decision`: a stratified uniform number for the first.
     fn fly<C: Collisions, R: Rng>(
         self,
         flight: &mut Self::Flight,
@@ -62,8 +63,8 @@ pub(crate) trait ChannelMode: Copy + Send + Sync {
         decoupled: &mut Self::Decoupled,
     ) -> FlightEnd<Self::Nulls>;
 
-    /// For shadow rays of a path with throughput `beta` through a medium: the share of its extinction to walk, and the channels' ratios to that; `None` if
-    /// it is clear for all of them.
+    /// For shadow rays of a path with throughput `beta` through a medium: the share of its
+    /// extinction to walk, and the channels' ratios to that; `None` if it is clear for all of them.
     fn shadow_ratios(self, beta: Vec3, ratio: Vec3) -> Option<(f32, Vec3)>;
 }
 

@@ -1,7 +1,9 @@
-//! Spectral MIS: all channels share the strongest one's collisions, and real or null is decided by the mean of the throughput-weighted channels [Kutz et al. 2017].
+//! Spectral MIS: all channels share the strongest one's collisions, and real or null is decided by
+//! the mean of the throughput-weighted channels [Kutz et al. 2017].
 //!
-//! Under that rule the mean of the throughput over channels is the same before and after every event, so that no channel's weight exceeds the number of channels; it
-//! is single-sample multiple importance sampling over channels by the balance heuristic [Miller et al. 2019].
+//! Under that rule the mean of the throughput over channels is the same before and after every
+//! event, so that no channel's weight exceeds the number of channels; it is single-sample multiple
+//! importance sampling over channels by the balance heuristic [Miller et al. 2019].
 
 use super::{ChannelMode, CoupledFlight, NeverDecoupled};
 use crate::media::collisions::Collisions;
@@ -15,7 +17,8 @@ use rand_core::Rng;
 /// Channels are weighted.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Spectral {
-    /// Whether the throughput decides what a collision is taken for, or else the plain mean over channels.
+    /// Whether the throughput decides what a collision is taken for, or else the plain mean over
+    /// channels.
     pub(crate) by_throughput: bool,
 }
 
@@ -68,7 +71,8 @@ impl ChannelMode for Spectral {
             if collisions.weighted() {
                 null_probability *= 1.0 - probability;
             }
-            // No extinction in any channel that has throughput, now and for all that follows: an endless walk would not end.
+            // No extinction in any channel that has throughput, now and for all that follows: an
+            // endless walk would not end.
             if probability == 0.0 && collisions.is_endless() && !collisions.leave_medium() {
                 break false;
             }

@@ -1,11 +1,14 @@
 //! Split tracking: channels fly coupled until their events differ, then they decouple.
 //!
-//! Each channel by itself is delta tracking: weights of one, as in a grey render of it alone. What is common is decided once: all channels of a flight meet the
-//! tentative collisions of the strongest one's majorant, and one uniform number decides for all. Whatever a channel takes for real, stronger ones take for real:
-//! what one walk costs serves all channels, and where they collide at one point they scatter as one path. A sample holds three paths at most.
+//! Each channel by itself is delta tracking: weights of one, as in a grey render of it alone. What
+//! is common is decided once: all channels of a flight meet the tentative collisions of the
+//! strongest one's majorant, and one uniform number decides for all. Whatever a channel takes for
+//! real, stronger ones take for real: what one walk costs serves all channels, and where they
+//! collide at one point they scatter as one path. A sample holds three paths at most.
 //!
-//! Over a merged list of media it is as exact: the collisions of all media are one Poisson process whose rate is the sum of their majorants, and each is classified per
-//! channel by the medium that it belongs to.
+//! Over a merged list of media it is as exact: the collisions of all media are one Poisson process
+//! whose rate is the sum of their majorants, and each is classified per channel by the medium that
+//! it belongs to.
 //!
 //! Measured against spectral MIS: `docs/charts/whole.md`.
 
@@ -21,8 +24,9 @@ use smallvec::SmallVec;
 /// Channels decouple.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Split {
-    /// Whether paths and shadow rays are weighted against each other: both then walk the same majorants, those of the strongest channel that began the flight. Else
-    /// a flight that the strongest has left goes on with those of the next.
+    /// Whether paths and shadow rays are weighted against each other: both then walk the same
+    /// majorants, those of the strongest channel that began the flight. Else a flight that the
+    /// strongest has left goes on with those of the next.
     pub(crate) weighted: bool,
 }
 

@@ -4,6 +4,17 @@
 //! of volumes and lights); [`load_with_surfaces`] and [`parse_with_surfaces`] read its buffers and
 //! images as well. What is left out is listed.
 
+mod accessor;
+mod buffer;
+mod image_guard;
+mod instances;
+mod material;
+mod mesh;
+mod phase;
+mod pose;
+mod texture;
+mod volume;
+
 use std::collections::BTreeSet;
 use std::f32::consts::{FRAC_PI_4, PI};
 use std::fs::File;
@@ -15,31 +26,29 @@ use glam::{DAffine3, DMat3, DQuat, DVec3, Vec3};
 use gltf::json;
 use serde_json::{Map, Value};
 
+pub use mesh::{GltfMesh, GltfSurfaces};
+
 use crate::error::{Error, Place};
-use crate::gltf_accessor::Accessors;
-use crate::gltf_buffer::Buffers;
-use crate::gltf_instances::{INSTANCING, instances};
-use crate::gltf_material;
-use crate::gltf_mesh;
-pub use crate::gltf_mesh::{GltfMesh, GltfSurfaces};
-use crate::gltf_pose::default_weights;
-use crate::gltf_texture;
-use crate::gltf_volume::{EXTENSION, KEPT, flat_keys, volume_of_node};
 use crate::json::{Document, acceptable_gltf};
 use crate::light::{Light, Point, Spot, Sun};
+use crate::spec::volume_spec::VolumeSpec;
 use crate::surface::GlassRule;
-use crate::volume_spec::VolumeSpec;
+use accessor::Accessors;
+use buffer::Buffers;
+use instances::{INSTANCING, instances};
+use pose::default_weights;
+use volume::{EXTENSION, KEPT, flat_keys, volume_of_node};
 
 /// What a glTF file contributes to a scene.
 #[derive(Debug, Clone)]
 pub struct GltfScene {
-    /// Its cameras, in the order of the node walk.
+    /// Cameras of the file, in the order of the node walk.
     pub cameras: Vec<GltfCamera>,
-    /// Its punctual lights in radiometric units.
+    /// Punctual lights of the file in radiometric units.
     pub lights: Vec<Light>,
-    /// Its volumes.
+    /// Volumes of the file.
     pub volumes: Vec<GltfVolume>,
-    /// Its nodes with meshes.
+    /// Nodes of the file that have meshes.
     pub meshes: Vec<GltfMesh>,
     /// What it contains and this version leaves out, as sentences.
     pub not_modelled: Vec<String>,
@@ -127,13 +136,14 @@ const MODELLED: [&str; 7] = [
 
 /// Names that a list in a message shows.
 const SHOWN: usize = 8;
-/// The custom properties (flat keys of `extras`) by which a node becomes a volume: name and meaning.
+/// The custom properties (flat keys of `extras`) by which a node becomes a volume: name and
+/// meaning.
 pub fn custom_properties() -> Vec<(&'static str, &'static str)> {
     flat_keys()
 }
 
 fn is_modelled(extension: &str) -> bool {
-    MODELLED.contains(&extension) || gltf_material::MODELLED.contains(&extension)
+    MODELLED.contains(&extension) || material::MODELLED.contains(&extension)
 }
 
 /// Reads a .gltf or .glb file.
@@ -192,7 +202,9 @@ pub fn parse(
     walk(&document, &root, parts.bin, animations, lumens_per_watt)
 }
 
-/// As [`parse`], and reads surfaces as [`load_with_surfaces`].
+/// Reads a glTF file and its surfaces from its bytes, with the buffers and images that it names.
+///
+/// `path` names the file and is what its files are relative to.
 pub fn parse_with_surfaces(
     path: impl AsRef<Path>,
     bytes: &[u8],
@@ -203,7 +215,7 @@ pub fn parse_with_surfaces(
     let document = Document::new(path.as_ref(), parts.json);
     let (root, animations) = read_root(&document)?;
     let mut scene = walk(&document, &root, parts.bin, animations, lumens_per_watt)?;
-    let surfaces = gltf_mesh::load(&document, &root, parts.bin, &scene, rule)?;
+    let surfaces = mesh::load(&document, &root, parts.bin, &scene, rule)?;
     scene.not_modelled.extend(surfaces.not_modelled.iter().cloned());
     Ok((scene, surfaces))
 }
@@ -359,12 +371,12 @@ fn json_text<'a>(path: &Path, bytes: &'a [u8]) -> Result<&'a str, Error> {
 fn check_required(document: &Document, root: &json::Root) -> Result<(), Error> {
     let required = root.extensions_required.iter().map(String::as_str);
     let unknown: Vec<&str> = required
-        .filter(|name| !is_modelled(name) && !gltf_texture::IMAGE_FORMATS.contains(name))
+        .filter(|name| !is_modelled(name) && !texture::IMAGE_FORMATS.contains(name))
         .collect();
     if unknown.is_empty() {
         return Ok(());
     }
-    let modelled: Vec<&str> = MODELLED.into_iter().chain(gltf_material::MODELLED).collect();
+    let modelled: Vec<&str> = MODELLED.into_iter().chain(material::MODELLED).collect();
     Err(Error::unsupported(
         document.place("/extensionsRequired"),
         format!("the file requires extensions that are not supported: {}", unknown.join(", ")),
@@ -808,7 +820,7 @@ fn list_not_modelled(root: &json::Root, scene: &mut GltfScene) {
     let plural = |n: usize, one: &str, many: &str| {
         if n == 1 { format!("1 {one}") } else { format!("{n} {many}") }
     };
-    let [lines, without_positions] = gltf_mesh::not_surfaces(root);
+    let [lines, without_positions] = mesh::not_surfaces(root);
     if lines > 0 {
         let primitives = plural(lines, "primitive", "primitives");
         scene.not_modelled.push(format!("points and lines: {primitives}"));
@@ -848,7 +860,7 @@ fn list_not_modelled(root: &json::Root, scene: &mut GltfScene) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::volume_spec::LawSpec;
+    use crate::spec::volume_spec::LawSpec;
 
     fn read(text: &str) -> Result<GltfScene, Error> {
         parse("folder/a.gltf", text.as_bytes(), 683.0)

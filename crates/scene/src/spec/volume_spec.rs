@@ -4,10 +4,11 @@
 use std::borrow::Cow;
 use std::fmt;
 
-use crate::by_name::ByName;
-use crate::option::{above, at_least, at_most, below, pattern};
-use crate::phase_spec::PhaseSpec;
-use crate::{options, volume_rules as rules, whole};
+use super::by_name::ByName;
+use super::option::{above, at_least, at_most, below, pattern};
+use super::phase_spec::PhaseSpec;
+use super::{volume_rules as rules, whole};
+use crate::options;
 use pileus_media::{Interpolation, Named};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::{self, MapAccess, SeqAccess, Visitor};
@@ -27,7 +28,7 @@ options! {
         /// number, padded with zeros to the length of the run. Either this or `homogeneous` is
         /// needed.
         #[schemars(extend("examples" = ["cumulus.vdb", "smoke.####.vdb"]))]
-        vdb: String, pattern(crate::schema_rule::ONE_RUN);
+        vdb: String, pattern(super::schema_rule::ONE_RUN);
         /// The frame number that replaces `#` in `vdb`.
         #[serde(deserialize_with = "whole::option")]
         frame: i64;
@@ -263,7 +264,7 @@ options! {
         /// Scene units.
         translation: [f64; 3] = [0.0; 3];
         /// Quaternion (x, y, z, w).
-        #[schemars(extend("allOf" = [crate::schema_rule::direction()]))]
+        #[schemars(extend("allOf" = [super::schema_rule::direction()]))]
         rotation: [f64; 4] = [0.0, 0.0, 0.0, 1.0];
         /// Factors along the axes, none of them 0.
         scale: [f64; 3] = [1.0; 3], rules::scales;

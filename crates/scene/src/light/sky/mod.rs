@@ -9,8 +9,8 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
-use crate::environment::{Environment, EnvironmentImage};
 use crate::error::Error;
+use crate::light::environment::{Environment, EnvironmentImage};
 use crate::light::{Light, Sun};
 
 /// A clear day: a warm sun 49 degrees above the horizon and a blue gradient with a pale horizon.

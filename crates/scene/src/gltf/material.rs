@@ -7,8 +7,8 @@ use pileus_math::elementary::ln;
 use serde::Deserialize;
 use serde_json::Value;
 
+use super::texture::{Meaning, TextureInfo, Textures};
 use crate::error::Error;
-use crate::gltf_texture::{Meaning, TextureInfo, Textures};
 use crate::json::Document;
 use crate::surface::{Alpha, Interior, Material, Scatter, Texture};
 

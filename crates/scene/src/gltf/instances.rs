@@ -5,8 +5,8 @@ use std::sync::Arc;
 use glam::{DAffine3, DQuat, DVec3, Vec3};
 use serde::Deserialize;
 
+use super::accessor::{Accessors, Use};
 use crate::error::Error;
-use crate::gltf_accessor::{Accessors, Use};
 
 /// Extension that places a node's content many times.
 pub(crate) const INSTANCING: &str = "EXT_mesh_gpu_instancing";

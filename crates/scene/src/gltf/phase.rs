@@ -2,11 +2,11 @@
 
 use std::path::Path;
 
+use super::volume::Flat;
 use crate::error::Error;
-use crate::flake_spec::{FlakeScatteringSpec, FlakeShapeSpec, FlakeSpec};
-use crate::gltf_volume::Flat;
 use crate::json::nearest;
-use crate::phase_spec::{CosineGridSpec, CosineSpec, PhaseSpec};
+use crate::spec::flake_spec::{FlakeScatteringSpec, FlakeShapeSpec, FlakeSpec};
+use crate::spec::phase_spec::{CosineGridSpec, CosineSpec, PhaseSpec};
 use crate::uri::resolve_name;
 
 /// Types of phase functions that flat keys can say, and the keys of each.

@@ -1,4 +1,9 @@
-//! Lights without extent: suns, points and spots.
+//! Lights without extent: suns, points and spots; and below, light from all around.
+
+pub mod environment;
+mod environment_file;
+mod radiance_hdr;
+pub(crate) mod sky;
 
 use glam::{DVec3, Vec3};
 

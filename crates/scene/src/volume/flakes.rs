@@ -5,12 +5,13 @@ use pileus_media::flakes::{FlakeGrid, FlakeShape, MIN_ROUGHNESS, Roughness, Sggx
 use pileus_vdb::Tree;
 
 use crate::error::{Error, Place};
-use crate::flake_spec::{FlakeShapeSpec, FlakeSpec};
+use crate::spec::flake_spec::{FlakeShapeSpec, FlakeSpec};
 
 /// Where the specification is, in a volume.
 pub(crate) const POINTER: &str = "/phase/distribution";
 
-/// The grids of a volume's file, with the map from the index space of its density to theirs. Keys are for errors.
+/// The grids of a volume's file, with the map from the index space of its density to theirs. Keys
+/// are for errors.
 pub(crate) trait FlakeGrids {
     /// A grid of vectors.
     fn vectors(&mut self, name: &str, key: &str) -> Result<(Tree<[f32; 3]>, DAffine3), Error>;

@@ -4,14 +4,14 @@ use std::path::Path;
 
 use serde_json::{Map, Value};
 
-use crate::by_name::ByName;
+use super::phase::{flat_phase, flat_phase_keys};
 use crate::error::{Error, Place};
-use crate::gltf_phase::{flat_phase, flat_phase_keys};
 use crate::json::{Document, nearest};
-use crate::uri::{resolve_name, resolve_uri};
-use crate::volume_spec::{
+use crate::spec::by_name::ByName;
+use crate::spec::volume_spec::{
     AlbedoSpec, DensitySpec, EmissionSpec, LawSpec, Rgb, TemperatureSpec, UpAxis, VolumeSpec,
 };
+use crate::uri::{resolve_name, resolve_uri};
 
 /// The name of the node extension.
 pub(crate) const EXTENSION: &str = "PILEUS_volume";

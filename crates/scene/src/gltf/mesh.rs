@@ -7,14 +7,14 @@ use gltf::json;
 use gltf::json::mesh::{Mode, Semantic};
 use gltf::json::validation::Checked;
 
+use super::GltfScene;
+use super::accessor::{Accessors, Use};
+use super::buffer::Buffers;
+use super::instances::instances;
+use super::material;
+use super::pose::{Pose, PoseKey, Poses, pose_key};
+use super::texture::Textures;
 use crate::error::Error;
-use crate::gltf::GltfScene;
-use crate::gltf_accessor::{Accessors, Use};
-use crate::gltf_buffer::Buffers;
-use crate::gltf_instances::instances;
-use crate::gltf_material;
-use crate::gltf_pose::{Pose, PoseKey, Poses, pose_key};
-use crate::gltf_texture::Textures;
 use crate::json::Document;
 use crate::surface::bodies::{Closure, Shells};
 use crate::surface::{GlassRule, Material, Mesh, Part, Refusal, Surfaces, Tag};
@@ -70,7 +70,7 @@ pub(crate) fn load(
     let mut not_modelled = Vec::new();
     let used = used_materials(root, placed);
     let mut textures = Textures::new(&buffers);
-    let materials = gltf_material::load(document, &mut textures, &used, &mut not_modelled)?;
+    let materials = material::load(document, &mut textures, &used, &mut not_modelled)?;
     let mut loader = Loader {
         accessors: Accessors::new(&buffers),
         poses: Poses::new(&scene.transforms),
@@ -186,9 +186,9 @@ enum Wrong {
 /// Why a surface may bound a body.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Claim {
-    /// Its material has `KHR_materials_volume`.
+    /// The material has `KHR_materials_volume`.
     Volume,
-    /// It transmits, by [`GlassRule::ClosedMeshesAreSolid`].
+    /// The material transmits, by [`GlassRule::ClosedMeshesAreSolid`].
     Glass,
 }
 

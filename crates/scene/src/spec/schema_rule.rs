@@ -1,7 +1,7 @@
 //! Fragments of JSON Schema that say how keys depend on each other.
 //!
-//! A fragment may say what to tell people where it is broken, in its `$comment`: what is wrong on the
-//! first line, what to do on the second.
+//! A fragment may say what to tell people where it is broken, in its `$comment`: what is wrong on
+//! the first line, what to do on the second.
 
 use serde_json::{Value, json};
 

@@ -4,7 +4,7 @@
 use pileus_media::phase::MAX_G;
 use serde_json::{Value, json};
 
-use crate::schema_rule::{absent, both, given, implies, later, none_of, not_both, rule, with};
+use super::schema_rule::{absent, both, given, implies, later, none_of, not_both, rule, with};
 
 /// Largest extinction, emission and other factor.
 const LARGEST: f64 = 1e30;
@@ -175,7 +175,7 @@ pub(crate) fn scales(schema: &mut schemars::Schema) {
 /// The law of a matrix by constant entries is a relation between numbers, which a schema cannot
 /// say; this is what it can: an entry that is not 0.
 pub(crate) fn entries(schema: &mut schemars::Schema) {
-    schema.insert("allOf".into(), json!([crate::schema_rule::direction()]));
+    schema.insert("allOf".into(), json!([super::schema_rule::direction()]));
 }
 
 /// What holds of the two numbers of a Davis-Weinstein law together.

@@ -11,7 +11,7 @@ use crate::error::{Error, Place};
 /// Radiance that arrives from infinitely far away.
 #[derive(Debug, Clone, Default)]
 pub struct Environment {
-    /// The same radiance from every direction, linear Rec. 709.
+    /// Radiance that does not depend on the direction, linear Rec. 709.
     pub constant: Vec3,
     /// Radiance that varies with the direction, added to the constant.
     pub image: Option<Arc<EnvironmentImage>>,

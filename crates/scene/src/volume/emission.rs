@@ -11,9 +11,9 @@ use pileus_media::{
 };
 use pileus_vdb::{GridClass, GridInfo, ValueType, VdbFile};
 
+use super::{VolumeLoader, affine, channels, grid_info};
 use crate::error::{Error, Place};
-use crate::volume::{VolumeLoader, affine, channels, grid_info};
-use crate::volume_spec::{EmissionSpec, RampNodeSpec, Rgb, TemperatureSpec};
+use crate::spec::volume_spec::{EmissionSpec, RampNodeSpec, Rgb, TemperatureSpec};
 
 /// What a field of emission is made of.
 pub(crate) struct EmissionParts<'a> {

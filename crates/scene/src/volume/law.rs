@@ -7,7 +7,7 @@ use pileus_media::law::{Component, DavisWeinstein, Erlang, Law, Linear, Mixture,
 
 use crate::error::{Error, Place};
 use crate::file;
-use crate::volume_spec::{LawSpec, VolumeSpec};
+use crate::spec::volume_spec::{LawSpec, VolumeSpec};
 
 /// Largest file of a tabulated law, bytes.
 const MAX_TABLE: u64 = 4 << 20;

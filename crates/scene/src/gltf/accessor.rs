@@ -8,8 +8,8 @@ use glam::{Mat4, Vec2, Vec3, Vec4};
 use gltf::json::accessor::{Accessor, ComponentType, Type};
 use gltf::json::validation::Checked;
 
+use super::buffer::Buffers;
 use crate::error::Error;
-use crate::gltf_buffer::Buffers;
 
 /// What an accessor is read for, which decides the types it may have (glTF 2.0, section 3.7.2.1,
 /// and `KHR_mesh_quantization`).

@@ -4,9 +4,9 @@ use std::path::Path;
 
 use pileus_film::{ColorSpace, ExrPart, Window, read_exr_color};
 
-use crate::environment::{EnvironmentImage, MAX_TEXELS};
+use super::environment::{EnvironmentImage, MAX_TEXELS};
+use super::radiance_hdr;
 use crate::error::{Error, Place};
-use crate::radiance_hdr;
 
 /// Largest environment image file in bytes.
 const MAX_FILE: u64 = 4 << 30;

@@ -9,9 +9,9 @@ use gltf::json;
 use gltf::json::mesh::Semantic;
 use gltf::json::validation::Checked;
 
+use super::accessor::{Accessors, Use};
+use super::mesh::GltfMesh;
 use crate::error::Error;
-use crate::gltf_accessor::{Accessors, Use};
-use crate::gltf_mesh::GltfMesh;
 use crate::surface::Part;
 
 /// The shape in which a node shows its mesh.

@@ -8,16 +8,17 @@ use pileus_media::Phase;
 use pileus_media::flakes::{FlakeScattering, Flakes};
 use pileus_media::phase::{Draine, Lobe, MAX_G, MieFit, Mixture, Tabulated};
 
+use super::flakes::{self, FlakeGrids};
 use crate::error::{Error, Place};
 use crate::file;
-use crate::flake_spec::FlakeScatteringSpec;
-use crate::flakes::FlakeGrids;
-use crate::phase_spec::{CosineSpec, LobeSpec, PhaseSpec};
+use crate::spec::flake_spec::FlakeScatteringSpec;
+use crate::spec::phase_spec::{CosineSpec, LobeSpec, PhaseSpec};
 
 /// Largest table in bytes.
 const MAX_TABLE: u64 = 64 << 20;
 
-/// The phase function of a volume whose placement is this; its place in the specification is `/phase`. Mean cosines by grid are not looked up here.
+/// The phase function of a volume whose placement is this; its place in the specification is
+/// `/phase`. Mean cosines by grid are not looked up here.
 pub(crate) fn phase(
     spec: Option<&PhaseSpec>,
     placement: &DAffine3,
@@ -27,7 +28,7 @@ pub(crate) fn phase(
     match spec {
         None => Ok(Phase::Isotropic),
         Some(PhaseSpec::Sggx { flakes, distribution }) => {
-            let shape = crate::flakes::shape(distribution, place, grids)?;
+            let shape = flakes::shape(distribution, place, grids)?;
             let scattering = match flakes.unwrap_or_default() {
                 FlakeScatteringSpec::Specular => FlakeScattering::Specular,
                 FlakeScatteringSpec::Diffuse => FlakeScattering::Diffuse,

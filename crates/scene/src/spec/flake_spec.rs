@@ -1,7 +1,8 @@
 //! What a user writes about media of flakes.
 
-use crate::option::between;
-use crate::{options, volume_rules as rules};
+use super::option::between;
+use super::volume_rules as rules;
+use crate::options;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -9,10 +10,10 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum FlakeScatteringSpec {
-    /// As a mirror.
+    /// The flake is a mirror.
     #[default]
     Specular,
-    /// As a matt surface.
+    /// The flake is a matte surface.
     Diffuse,
 }
 
@@ -41,7 +42,7 @@ options! {
         required shape: FlakeShapeSpec;
         /// The axis, of any length.
         #[schemars(extend("examples" = [[0, 1, 0]]))]
-        #[schemars(extend("allOf" = [crate::schema_rule::direction()]))]
+        #[schemars(extend("allOf" = [super::schema_rule::direction()]))]
         axis: [f64; 3];
         /// Grid of vectors with the axis; where it is 0, flakes are isotropic.
         axis_grid: String;

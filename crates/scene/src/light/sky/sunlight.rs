@@ -130,9 +130,9 @@ mod tests {
         assert!((33.0..40.0).contains(&relative_optical_mass(0.0)));
     }
 
-    /// The sun above the atmosphere has about the colour of a black body at its effective temperature,
-    /// 5772 K, and its table with the paper's solid angle of 6.8e-5 sr gives the luminous solar constant
-    /// within a tenth.
+    /// The sun above the atmosphere has about the colour of a black body at its effective
+    /// temperature, 5772 K, and its table with the paper's solid angle of 6.8e-5 sr gives the
+    /// luminous solar constant within a tenth.
     #[test]
     fn the_spectrum_is_the_suns() {
         let xyz = xyz_of_spectrum(solar_spectrum);
@@ -145,8 +145,8 @@ mod tests {
         assert!((lux / LUMINOUS_SOLAR_CONSTANT - 1.0).abs() < 0.1, "{lux}");
     }
 
-    /// Pure air lets 90 % of green light pass from overhead (Rayleigh depth 0.098 at 550 nm, Bucholtz
-    /// 1995), and haze dims blue more than red.
+    /// Pure air lets 90 % of green light pass from overhead (Rayleigh depth 0.098 at 550 nm,
+    /// Bucholtz 1995), and haze dims blue more than red.
     #[test]
     fn air_is_as_clear_as_published() {
         let rayleigh_and_ozone: f64 = 0.098 + 0.085 * 0.35;

@@ -7,8 +7,8 @@ use glam::{DVec3, Vec3};
 use hw_skymodel::rgb::{Channel, SkyParams, SkyState};
 
 use super::sunlight::sunlight;
-use crate::environment::EnvironmentImage;
 use crate::error::{Error, Place};
+use crate::light::environment::EnvironmentImage;
 use crate::light::{Light, Sun};
 
 /// Texels around the horizon.
@@ -17,26 +17,28 @@ const WIDTH: usize = 512;
 const HEIGHT: usize = 256;
 /// The sun's lowest elevation, degrees: the end of civil twilight.
 const LOWEST_ELEVATION: f64 = -6.0;
-/// Logarithm by which light falls per degree below the horizon: from the model's 2.4 klx with the sun
-/// on the horizon (turbidity 3) to 3.4 lx at the end of civil twilight, its common figure.
+/// Logarithm by which light falls per degree below the horizon: from the model's 2.4 klx with the
+/// sun on the horizon (turbidity 3) to 3.4 lx at the end of civil twilight, its common figure.
 const TWILIGHT_PER_DEGREE: f64 = 1.09;
 
 /// Sun and sky of a clear day.
 ///
-/// The sky: Hosek and Wilkie, "An analytic model for full spectral sky-dome radiance", SIGGRAPH 2012,
-/// its RGB fit from the crate `hw-skymodel`. The sun: the solar spectrum through the atmosphere of
-/// Preetham, Shirley and Smits 1999. Radiance is linear Rec. 709 in W/(m^2 sr) weighted by the CIE
-/// 1931 observer without the factor of 683 lm/W, like that of black bodies: its luminance times 683
-/// lm/W is in cd/m^2. A horizontal plane under a high sun receives some 100 klx, about 150 W/m^2.
+/// The sky: Hosek and Wilkie, "An analytic model for full spectral sky-dome radiance", SIGGRAPH
+/// 2012, its RGB fit from the crate `hw-skymodel`. The sun: the solar spectrum through the
+/// atmosphere of Preetham, Shirley and Smits 1999. Radiance is linear Rec. 709 in W/(m^2 sr)
+/// weighted by the CIE 1931 observer without the factor of 683 lm/W, like that of black bodies: its
+/// luminance times 683 lm/W is in cd/m^2. A horizontal plane under a high sun receives some 100
+/// klx, about 150 W/m^2.
 ///
-/// Approximations: the models know no sun below the horizon. From there to -6 degrees the sky is that
-/// of a sun on the horizon, dimmed to 3.4 lx at the end of civil twilight, in the same colours;
-/// the sun's disc sets as it crosses the horizon. The observer is on the ground, at sea level. Light
-/// is evaluated once by the machine's own elementary functions: the last bits may differ between
-/// machines.
+/// Approximations: the models know no sun below the horizon. From there to -6 degrees the sky is
+/// that of a sun on the horizon, dimmed to 3.4 lx at the end of civil twilight, in the same
+/// colours; the sun's disc sets as it crosses the horizon. The observer is on the ground, at sea
+/// level. Light is evaluated once by the machine's own elementary functions: the last bits may
+/// differ between machines.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ClearSky {
-    /// Direction from the scene to the sun, of any length but 0; +Y is up. At least -6 degrees high.
+    /// Direction from the scene to the sun, of any length but 0; +Y is up. At least -6 degrees
+    /// high.
     pub to_sun: DVec3,
     /// Haze, 1 to 10: 2 is very clear, 3 clear, 6 hazy, 10 very hazy.
     pub turbidity: f64,
@@ -241,8 +243,8 @@ mod tests {
         (luminance(ground) - sun, sun)
     }
 
-    /// Chromaticity of the zenith by Preetham, Shirley and Smits 1999, appendix A.2: another fit, of
-    /// other data.
+    /// Chromaticity of the zenith by Preetham, Shirley and Smits 1999, appendix A.2: another fit,
+    /// of other data.
     fn preetham_zenith(elevation: f64, t: f64) -> [f64; 2] {
         let s = (90.0 - elevation).to_radians();
         let chromaticity = |m: [[f64; 4]; 3]| -> f64 {
@@ -273,8 +275,8 @@ mod tests {
         [xyz.x / xyz.element_sum(), xyz.y / xyz.element_sum()]
     }
 
-    /// Luminance of the zenith of a clear sky, Krochmann 1970 (in the CIE clear sky), within its scatter
-    /// of a third; its colour as by Preetham's fit.
+    /// Luminance of the zenith of a clear sky, Krochmann 1970 (in the CIE clear sky), within its
+    /// scatter of a third; its colour as by Preetham's fit.
     #[test]
     fn the_zenith_is_as_published() {
         for elevation in [20.0f64, 30.0, 40.0, 50.0, 60.0] {
@@ -298,9 +300,9 @@ mod tests {
         }
     }
 
-    /// Illuminance by the clear sky of the IES (Gillette and Treado 1983; IES Lighting Handbook): the
-    /// sun gives 127.5 exp(-0.21 / sin h) klx on a plane that faces it, the sky 0.8 + 15.5 sin(h)^0.5
-    /// klx on the horizontal plane.
+    /// Illuminance by the clear sky of the IES (Gillette and Treado 1983; IES Lighting Handbook):
+    /// the sun gives 127.5 exp(-0.21 / sin h) klx on a plane that faces it, the sky 0.8 + 15.5
+    /// sin(h)^0.5 klx on the horizontal plane.
     #[test]
     fn illuminance_is_that_of_clear_days() {
         for elevation in [15.0f64, 20.0, 30.0, 45.0, 60.0, 75.0, 90.0] {

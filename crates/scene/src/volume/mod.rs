@@ -1,5 +1,10 @@
 //! From what a user wrote about a volume to a medium placed in the world.
 
+mod emission;
+mod flakes;
+mod law;
+mod phase;
+
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -14,18 +19,19 @@ use pileus_media::{
 };
 use pileus_vdb::{GridClass, GridInfo, MetaValue, Tree, ValueType, Values, VdbFile};
 
-use crate::by_name::ByName;
-use crate::emission::EmissionParts;
+use emission::EmissionParts;
+use flakes::FlakeGrids;
+use law::law;
+
 use crate::error::{Error, Place};
-use crate::flakes::FlakeGrids;
-use crate::hint::Hint;
-use crate::law::law;
-use crate::phase_spec::{CosineSpec, PhaseSpec};
-use crate::uri::with_frame;
-use crate::volume_spec::{
+use crate::spec::Hint;
+use crate::spec::by_name::ByName;
+use crate::spec::phase_spec::{CosineSpec, PhaseSpec};
+use crate::spec::volume_spec::{
     AlbedoSpec, DEFAULT_ALBEDO, DensitySpec, EmissionSpec, HomogeneousSpec, RampNodeSpec, Rgb,
     TransformSpec, UpAxis, VolumeSpec,
 };
+use crate::uri::with_frame;
 
 /// A volume of the scene: a medium in world space and where it came from.
 #[derive(Debug, Clone)]
@@ -79,13 +85,13 @@ pub struct VolumeRequest<'a> {
 pub enum DefaultScale {
     /// One per scene unit.
     One,
-    /// So that the volume looks like a cloud, see [`automatic_scale`]; or like a fire if nothing is
-    /// said about light and the file has a grid `flame`, `flames`, `heat` or `temperature`.
+    /// What makes the volume look like a cloud, see [`automatic_scale`]; or like a fire if nothing
+    /// is said about light and the file has a grid `flame`, `flames`, `heat` or `temperature`.
     Cloud,
 }
 
-/// What a render grid is made of: file, grid, channel of a vector grid, and whether values are those of the
-/// nearest voxel.
+/// What a render grid is made of: file, grid, channel of a vector grid, and whether values are
+/// those of the nearest voxel.
 type GridKey = (PathBuf, usize, Option<usize>, bool);
 
 /// Loads volumes; remembers files and grids, so that volumes made of the same grid share it.
@@ -523,7 +529,7 @@ impl VolumeLoader {
         let spec = request.spec.phase.as_ref();
         let Some(PhaseSpec::HenyeyGreenstein { g: CosineSpec::Grid(by_grid) }) = spec else {
             let mut grids = PhaseGrids { loader: self, place, file, path, density };
-            return crate::phase::phase(spec, placement, place, Some(&mut grids));
+            return phase::phase(spec, placement, place, Some(&mut grids));
         };
         let at = || place("/phase/g/grid");
         let vdb_error = |source| Error::vdb(at(), source);
@@ -587,7 +593,7 @@ impl PhaseGrids<'_> {
         name: &str,
         key: &str,
     ) -> Result<(pileus_vdb::Grid, DAffine3, Place), Error> {
-        let at = || (self.place)(&format!("{}/{key}", crate::flakes::POINTER));
+        let at = || (self.place)(&format!("{}/{key}", flakes::POINTER));
         let vdb_error = |source| Error::vdb(at(), source);
         let index = self.file.find(name).map_err(vdb_error)?;
         let info = grid_info(self.file, index, self.path)?;
@@ -629,7 +635,8 @@ impl FlakeGrids for PhaseGrids<'_> {
     }
 }
 
-/// From the index space of the density to that of another grid of the same file; both share the world transform.
+/// From the index space of the density to that of another grid of the same file; both share the
+/// world transform.
 fn between(
     density: &GridInfo,
     other: &GridInfo,
@@ -681,7 +688,7 @@ fn load_homogeneous(
         Some(AlbedoSpec::Constant(rgb)) => constant_albedo(*rgb, place)?,
         None => constant_albedo(Rgb::Grey(DEFAULT_ALBEDO), place)?,
     };
-    let phase = crate::phase::phase(spec.phase.as_ref(), placement, place, None)?;
+    let phase = phase::phase(spec.phase.as_ref(), placement, place, None)?;
     let law = law(spec, place)?;
     let bounds = homogeneous.bounds.map(|bounds| bounds.map(DVec3::from_array));
     let bounds = match bounds {
@@ -895,7 +902,8 @@ pub const CLOUD_OPTICAL_DEPTH: f64 = 20.0;
 
 /// Names of grids that say where there is fire, the clearest first.
 const FIRES: [&str; 4] = ["flame", "flames", "heat", "temperature"];
-/// Colours by the value of such a grid, from none to the largest: a picture of fire, no measurement.
+/// Colours by the value of such a grid, from none to the largest: a picture of fire, no
+/// measurement.
 const FIRE_RAMP: [(f64, [f64; 3]); 4] = [
     (0.0, [0.0; 3]),
     (0.35, [0.1, 0.012, 0.0]),
@@ -910,7 +918,8 @@ const KELVIN: f64 = 100.0;
 const FIRST_GLOW: f64 = 800.0;
 /// Albedo of the smoke around a fire that nobody described.
 const SOOT_ALBEDO: f64 = 0.6;
-/// Its optical depth as a share of that of a cloud: flames are seen through it.
+/// Optical depth of the smoke around a fire that nobody described, as a share of that of a cloud:
+/// flames are seen through it.
 const SOOT_SHARE: f64 = 0.2;
 
 /// The extinction per scene unit at grid value 1 that makes a volume look like a cloud.

@@ -1,4 +1,5 @@
-//! Whole numbers in JSON, which may be written with a fraction of zero: 4.0 is 4, as in JSON Schema.
+//! Whole numbers in JSON, which may be written with a fraction of zero: 4.0 is 4, as in JSON
+//! Schema.
 //!
 //! For `#[serde(deserialize_with = ...)]` on every whole number that people write.
 
@@ -81,7 +82,7 @@ pub fn number<'de, D: Deserializer<'de>, T: Whole>(deserializer: D) -> Result<T,
 /// A number or null.
 ///
 /// # Errors
-/// As [`number`].
+/// If there is something else, or the type does not have the number.
 pub fn option<'de, D: Deserializer<'de>, T: Whole>(deserializer: D) -> Result<Option<T>, D::Error> {
     Ok(Option::<One<T>>::deserialize(deserializer)?.map(|One(value)| value))
 }
@@ -89,7 +90,7 @@ pub fn option<'de, D: Deserializer<'de>, T: Whole>(deserializer: D) -> Result<Op
 /// Two numbers or null.
 ///
 /// # Errors
-/// As [`number`].
+/// If there is something else, another number of them, or one that the type does not have.
 pub fn option_of_2<'de, D: Deserializer<'de>, T: Whole>(
     deserializer: D,
 ) -> Result<Option<[T; 2]>, D::Error> {
@@ -99,7 +100,7 @@ pub fn option_of_2<'de, D: Deserializer<'de>, T: Whole>(
 /// Four numbers or null.
 ///
 /// # Errors
-/// As [`number`].
+/// If there is something else, another number of them, or one that the type does not have.
 pub fn option_of_4<'de, D: Deserializer<'de>, T: Whole>(
     deserializer: D,
 ) -> Result<Option<[T; 4]>, D::Error> {

@@ -3,8 +3,9 @@
 use std::borrow::Cow;
 use std::fmt;
 
-use crate::flake_spec::{FlakeScatteringSpec, FlakeSpec};
-use crate::{options, volume_rules as rules};
+use super::flake_spec::{FlakeScatteringSpec, FlakeSpec};
+use super::volume_rules as rules;
+use crate::options;
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::{self, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};

@@ -11,9 +11,9 @@ use image::{DynamicImage, ImageFormat, ImageReader};
 use pileus_math::elementary::sin_cos_turn;
 use serde::Deserialize;
 
+use super::buffer::{Buffers, Resource};
+use super::image_guard;
 use crate::error::Error;
-use crate::gltf_buffer::{Buffers, Resource};
-use crate::image_guard;
 use crate::surface::{Image, Texels, Texture, Wrap, srgb_to_linear};
 
 /// A reference to a texture (`textureInfo`).
