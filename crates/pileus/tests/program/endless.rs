@@ -108,7 +108,7 @@ fn fog_without_end_that_absorbs_nothing_is_refused() {
                 assert_eq!(code, 3, "{volumes}: {said}");
                 for said in [&said, &log] {
                     assert!(said.contains(why) && said.contains("`mist`"), "{volumes}: {said}");
-                    assert!(said.contains("`bounds`, an albedo below 1"), "{said}");
+                    assert!(said.contains("bounds, or an albedo below 1"), "{said}");
                 }
             }
             None => assert_eq!(code, 0, "{volumes}: {said} {log}"),

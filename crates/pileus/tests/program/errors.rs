@@ -124,7 +124,7 @@ fn skies_out_of_range_are_placed() {
         ("/elevation", serde_json::json!({"elevation": 91})),
         ("/turbidity", serde_json::json!({"elevation": 9, "turbidity": 0.9})),
         ("/turbidity", serde_json::json!({"elevation": 9, "turbidity": 11})),
-        ("/ground_albedo", serde_json::json!({"elevation": 9, "ground_albedo": [0, 1.1, 0]})),
+        ("/ground_albedo/1", serde_json::json!({"elevation": 9, "ground_albedo": [0, 1.1, 0]})),
         ("/intensity", serde_json::json!({"elevation": 9, "intensity": -1})),
         ("/sun_angular_diameter", serde_json::json!({"elevation": 9, "sun_angular_diameter": 180})),
     ] {

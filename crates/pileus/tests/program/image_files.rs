@@ -76,7 +76,7 @@ fn info_shows_what_an_image_holds() {
     assert!(channels.iter().any(|c| c["name"] == "R" && c["type"].is_string()));
     let metadata = &part["metadata"];
     assert_eq!(metadata["pileus:job"]["volumes"][0]["density"]["scale"], 4.0);
-    assert!(metadata["pileus:plan"]["kernel"].is_string(), "{metadata}");
+    assert_eq!(metadata["pileus:plan"]["kernel"]["events"], "one_grid", "{metadata}");
     assert!(metadata["pileus:counters"].is_object());
     assert_eq!(metadata["pileus:samples"], "2");
 

@@ -111,7 +111,7 @@ fn keys_of_features_that_are_missing_say_so() {
         ("/sampling/denoise", "denoising"),
         ("/camera/motion_blur", "motion"),
         ("/frames", "sequences of frames"),
-        ("/output/layers", "further layers"),
+        ("/output/cryptomatte", "such layers"),
         ("/sampling/time_limit", "up to a noise or a time"),
         ("/output/resume", "not resumed"),
         ("/materials", "glTF"),

@@ -131,7 +131,7 @@ fn the_films_memory_is_told_before_and_after() {
     job["film"]["resolution"] = json!([16384, 16384]);
     std::fs::write(folder.path().join("job.json"), job.to_string()).unwrap();
     let said = text(&["plan", "job.json"]);
-    assert!(said.contains("165356.3 MB"), "{said}");
+    assert!(said.contains("165356.2 MB"), "{said}");
 }
 
 #[test]

@@ -148,7 +148,8 @@ fn inputs_are_not_overwritten() {
         refused(folder.path(), &with(output), 3, &["would overwrite", "which is read"]);
     }
     // What is refused by default is possible by request.
-    let mut job = with(json!({ "image": "wood.exr", "preview": null, "stats": null }));
+    let mut job =
+        with(json!({ "image": "wood.exr", "preview": null, "stats": null, "layers": null }));
     job["sampling"]["spp"] = 1.into();
     std::fs::write(folder.path().join("job.json"), job.to_string()).unwrap();
     let before = names(folder.path());
@@ -224,7 +225,7 @@ fn what_cannot_be_written_is_found_before_rendering() {
 #[test]
 fn long_names_are_written() {
     let name = format!("{}.exr", "x".repeat(251));
-    let job = quick(json!({ "image": name, "preview": "a.png", "stats": null }));
+    let job = quick(json!({ "image": name, "preview": "a.png", "stats": null, "layers": null }));
     let folder = folder(&[("job.json", &job.to_string())]);
     let output = run(folder.path(), &["render", "job.json"]);
     assert!(output.status.success(), "{}", stderr(&output));
@@ -325,13 +326,15 @@ fn pictures_and_statistics_stand_beside_the_image_unless_refused() {
 fn frame_numbers_are_not_filled_into_outputs() {
     let folder = folder(&[]);
     for output in [
-        json!({ "image": "fire.####.exr" }),
+        json!({ "image": "a.exr", "layers": "fire.#.exr" }),
         json!({ "image": "a.exr", "preview": "fire.#.png" }),
         json!({ "image": "a.exr", "stats": "fire.#.json" }),
-        json!({ "image": "a.exr", "layers": "fire.#.exr" }),
+        json!({ "image": "fire.####.exr" }),
     ] {
         refused(folder.path(), &endless(output), 5, &["no frame number", "/output/"]);
     }
+    let job = endless(json!({ "image": "a.exr" }));
+    std::fs::write(folder.path().join("job.json"), job.to_string()).unwrap();
     let output = run(folder.path(), &["render", "job.json", "-o", "fire.##.exr"]);
     assert_eq!(output.status.code(), Some(2), "{}", stderr(&output));
 }
