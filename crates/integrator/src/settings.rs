@@ -60,9 +60,9 @@ impl Named for ShadowRoulette {
                 "What the lights may contribute unshadowed, times the path's throughput."
             }
             ShadowRoulette::Expected => {
-                "That importance, times the transmittance that a pilot of 4096 paths found around the \
-                 point, over the radiance that the path was expected to bring; without surfaces, \
-                 point lights and light from volumes."
+                "That importance, times the transmittance that a prepass of 4096 paths found around the \
+                 point, over the radiance that the path was expected to bring; where all lights that \
+                 shadow rays are sent to are distant."
             }
         }
     }
