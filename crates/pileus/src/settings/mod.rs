@@ -66,7 +66,7 @@ impl Settings {
             Some(document) => Places::Job(document),
             None => Places::File(path.clone()),
         };
-        places.hold_against_schema(&job)?;
+        places.hold_against_schema()?;
         let job = overrides.applied_to(job);
         let film = job.film.clone().unwrap_or_default();
         let gltf = job.gltf.clone().unwrap_or_default();

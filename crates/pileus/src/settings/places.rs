@@ -7,7 +7,6 @@ use pileus_scene::{Error, Place};
 use serde_json::Value;
 
 use crate::failure::Failure;
-use crate::job::Job;
 use crate::schema::job_schema;
 use crate::validate::validate;
 
@@ -52,18 +51,13 @@ impl Places {
         Error::invalid(self.at(pointer), what, remedy).into()
     }
 
-    /// What the schema refuses the program refuses: limits are told there and nowhere else.
-    pub(super) fn hold_against_schema(&self, job: &Job) -> Result<(), Failure> {
-        let value: Value = match self {
-            Self::Job(document) => document.parse()?,
-            // What was made up has neither scene nor camera where these are found by themselves.
-            Self::File(_) => serde_json::to_value(job).unwrap_or_default(),
-        };
+    /// What the schema refuses the program refuses: limits are told there and nowhere else. Jobs
+    /// that were made up for a file are within them.
+    pub(super) fn hold_against_schema(&self) -> Result<(), Failure> {
+        let Self::Job(document) = self else { return Ok(()) };
+        let value: Value = document.parse()?;
         let Err(fault) = validate(&job_schema(), &value) else { return Ok(()) };
-        let place = match self {
-            Self::Job(document) => document.place(&fault.pointer),
-            Self::File(path) => Place::part(path, &fault.pointer),
-        };
+        let place = document.place(&fault.pointer);
         Err(match fault.later {
             true => Error::unsupported(place, fault.what, fault.remedy),
             false => Error::invalid(place, fault.what, fault.remedy),
