@@ -395,3 +395,14 @@ fn saved_jobs_render_the_same_image() {
     assert_eq!(output.status.code(), Some(2), "{}", stderr(&output));
     assert!(std::fs::read(&cloud).unwrap().starts_with(b" BDV"));
 }
+
+/// In a job a `#` stands for digits of a frame; on the command line a name is a name.
+#[test]
+fn files_on_the_command_line_may_have_a_hash_in_their_name() {
+    let folder = folder(&[]);
+    let name = "take#2.vdb";
+    std::fs::copy(path("scenes/assets/syn_sphere.vdb"), folder.path().join(name)).unwrap();
+    let output = run(folder.path(), &["render", name, "--spp", "1", "--resolution", "8x8"]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    assert!(folder.path().join("take#2.exr").exists());
+}
