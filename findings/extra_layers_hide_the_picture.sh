@@ -6,7 +6,8 @@
 # Expected: further channels `layer.channel` are ignored by what wants the picture (OpenEXR, "Technical
 # Introduction", layers: "an image file reader that doesn't support layers" sees R, G, B, A).
 # Done: files of 32 x 16 pixels with OpenEXR's module; loaded by both.
-# Seen on 2026-11-29: see `expected` below. What it means for Pileus: docs/decisions/0007-layers-beside-the-image.md
+# Seen on 2026-11-29: see `expected` below. What it means for Pileus: the decision
+# "Layers stand beside the image" in docs/decisions.
 set -euo pipefail
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
