@@ -157,14 +157,11 @@ impl Report {
     /// Prints why a command ended early, its chain of causes and what to do.
     pub fn failure(&self, failure: &Failure) {
         let mut out = Messages;
-        match failure {
-            Failure::Interrupted { what, .. } => {
-                if !self.quiet {
-                    let _ = writeln!(out, "{}", escape::line(what));
-                }
-                return;
+        if let Failure::Interrupted { what, .. } = failure {
+            if !self.quiet {
+                let _ = writeln!(out, "{}", escape::line(what));
             }
-            _ => {}
+            return;
         }
         if std::io::stderr().is_terminal() {
             let shown = Shown::new(failure);
