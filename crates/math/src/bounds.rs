@@ -78,7 +78,7 @@ impl Bounds3 {
         Bounds3::of_points(self.corners().map(|corner| transform.transform_point3(corner)))
     }
 
-    /// Mean length of the chords of isotropic uniform lines, `4 V / S` [Cauchy].
+    /// Mean length of the chords of isotropic uniform lines, `4 V / S` (Cauchy).
     pub fn mean_chord(self) -> f64 {
         let d = self.size();
         2.0 * d.x * d.y * d.z / (d.x * d.y + d.y * d.z + d.z * d.x)

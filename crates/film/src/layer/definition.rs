@@ -4,7 +4,7 @@ use crate::moments::{PixelMoments, PixelSample};
 
 /// A named set of channels, and how it comes from samples.
 ///
-/// Programs may declare layers of their own beside [`LAYERS`], as constants:
+/// Programs may declare layers of their own beside [`LAYERS`](crate::LAYERS), as constants:
 ///
 /// ```
 /// use pileus_film::{Film, Layer, PixelSample, Reconstruction};
