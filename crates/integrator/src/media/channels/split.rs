@@ -87,7 +87,12 @@ impl ChannelMode for Split {
 
     #[inline(always)]
     fn share(self, flight: &SplitFlight, ratio: Vec3) -> f32 {
-        (ratio * flight.under_way).max_element()
+        let under_way = (ratio * flight.under_way).max_element();
+        if self.weighted && under_way > 0.0 {
+            // Also behind media in which some channels ended: shadow rays know nothing of that.
+            return (ratio * present(flight.before)).max_element();
+        }
+        under_way
     }
 
     #[inline(always)]
@@ -130,6 +135,14 @@ impl ChannelMode for Split {
                 }
             } else {
                 tally.null_collisions += 1;
+                // Other media's collisions may have ended all channels that this one concerns: an
+                // endless one would go on for ever.
+                if !C::ONE_MEDIUM
+                    && (collisions.ratio() * under_way).max_element() <= 0.0
+                    && !collisions.leave_medium()
+                {
+                    break;
+                }
             }
             if collisions.weighted() {
                 null_probability *= Vec3::ONE - real;
