@@ -189,6 +189,24 @@ fn the_plan_says_where_channels_do_not_decouple() {
     }
 }
 
+/// Where flights are closed forms of their own, channels are weighted beside split tracking, and
+/// the plan does not claim otherwise.
+#[test]
+fn the_plan_says_which_volumes_are_weighted_beside_split() {
+    let fog = || cube_homogeneous(1.5, [0.3, 0.2, 0.1], [0.9; 3], Phase::Isotropic);
+    let power = Some(Arc::new(Law::Power(Power::new(2.0).unwrap())));
+    let of_law = fog().with_transmittance_function(power);
+    let uneven = cube_homogeneous(1.5, [400.0, 0.4, 1.2], [0.9; 3], Phase::Isotropic);
+    for (second, analog) in [(fog(), true), (of_law, false), (uneven, false)] {
+        let scene = scene(vec![fog(), second], EYE, DVec3::ZERO, 36.0);
+        let plan = Plan::new(&scene, &settings(1, 1)).expect("a plan");
+        assert_eq!(axes(&plan).1, Channels::Split);
+        let says = |what: &str| plan.reasons.iter().any(|reason| reason.contains(what));
+        assert_eq!(says("none is weighted"), analog);
+        assert_eq!(says("weighted: in volume `volume 1`"), !analog);
+    }
+}
+
 /// Split tracking beside what it was not made for at first: overlapping media, of which one has a
 /// transmittance function that is not exponential, over a floor, under a sun with an extent that
 /// shadow rays and paths both meet. Null hypothesis: the picture of spectral MIS.

@@ -1,5 +1,7 @@
 //! Which channels of an image are its colour, by their names.
 
+use crate::layer::LAYERS;
+
 /// The channels that are an image's colour.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ColorChannels {
@@ -20,6 +22,14 @@ impl ColorChannels {
 
 /// Names of layers that are a renderer's picture, beside passes of other meaning.
 const PICTURES: [&str; 6] = ["combined", "beauty", "rgba", "rgb", "color", "main"];
+
+/// Whether a layer says how well a picture is known, as those of our files of layers do: no
+/// picture, whatever else the file lacks.
+fn is_about_a_picture(layer: &str) -> bool {
+    let last = layer.rsplit('.').next();
+    let channels = LAYERS.iter().filter(|known| !known.is_picture()).flat_map(|k| k.channels);
+    channels.filter_map(|channel| channel.rsplit_once('.')).any(|(known, _)| Some(known) == last)
+}
 
 #[derive(Default)]
 struct Layer<'a> {
@@ -54,7 +64,8 @@ impl Layer<'_> {
 /// picture (`Combined`, `beauty`, `rgba` and the like), then the first layer that has them, then Y
 /// without chroma in the same order, then the only channel there is beside alpha, whatever its
 /// name. `red`, `green`, `blue` and small letters count without a layer only: in layers small
-/// letters are the ids of Cryptomatte.
+/// letters are the ids of Cryptomatte. Layers that say how well a picture is known (`variance` and
+/// others of [`LAYERS`]) are none.
 pub fn color_channels<'a>(names: impl IntoIterator<Item = &'a str>) -> Option<ColorChannels> {
     let mut layers: Vec<Layer<'a>> = Vec::new();
     let mut not_alpha = Vec::new();
@@ -68,6 +79,9 @@ pub fn color_channels<'a>(names: impl IntoIterator<Item = &'a str>) -> Option<Co
             name == short
                 || small && (name.eq_ignore_ascii_case(short) || name.eq_ignore_ascii_case(long))
         };
+        if layer.is_some_and(is_about_a_picture) {
+            continue;
+        }
         if !is("A", "alpha") {
             not_alpha.push(index);
         }
@@ -148,6 +162,9 @@ mod tests {
             (&["B", "G"], None),
             (&["U", "V"], None),
             (&["A"], None),
+            // How well a picture is known is no picture.
+            (&["variance.B", "variance.G", "variance.R", "variance_alpha.Y"], None),
+            (&["samples.Y"], None),
             (&[], None),
             // Ids of Cryptomatte are no colours.
             (&["C00.r", "C00.g", "C00.b", "C00.a"], None),

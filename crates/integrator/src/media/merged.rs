@@ -13,7 +13,7 @@
 //! exponentials run on the extinction times a drawn rate; others, and media too long to walk, fly
 //! by closed forms of their own, and the nearest collision counts.
 
-use super::channels::ChannelMode;
+use super::channels::{ChannelMode, FlightUnderWay};
 use super::collisions::{Ahead, ManyMedia, OneMedium};
 use super::entry::{Entry, passage};
 use super::index::{AtMostOne, MetMedia, Walk};
@@ -276,9 +276,9 @@ impl<'a, C: ChannelMode> Merged<'a, C> {
                 continue;
             };
             let drawn = exponential(rng);
-            let beta = self.channels.throughput(flight);
+            let beta = flight.throughput();
             let result = fly_by_depth(&entry, passage, beta, drawn, rng, tally);
-            self.channels.weigh(flight, result.weight);
+            flight.weigh(result.weight);
             if let Flight::Collision(t) = result.flight {
                 let t = entry.at(t);
                 if nearest.is_none_or(|nearest| t < nearest.t) {
@@ -336,7 +336,7 @@ impl<'a, C: ChannelMode> Merged<'a, C> {
                 }
                 None => too_long_to_walk(medium, ray, t_max).is_some(),
             };
-            let beta = self.channels.throughput(flight);
+            let beta = flight.throughput();
             let result = if by_depth {
                 let drawn = first.unwrap_or_else(|| exponential(rng));
                 fly_by_depth(&entry, passage, beta, drawn, rng, tally)
@@ -351,13 +351,13 @@ impl<'a, C: ChannelMode> Merged<'a, C> {
                     sampler.fly(field, Relative(ratio), beta, first, rng, tally)
                 }
             };
-            self.channels.weigh(flight, result.weight);
+            flight.weigh(result.weight);
             // What shadow rays know in closed form is counted on escape.
             if !by_depth
                 && self.weighs(medium, ray, t_max)
                 && closed_form(medium, ray, 0.0).is_none()
             {
-                self.channels.count_nulls(flight, result.null_probability);
+                flight.count_nulls(result.null_probability);
             }
             if let Flight::Collision(t) = result.flight {
                 let t = entry.at(t);
@@ -374,7 +374,7 @@ impl<'a, C: ChannelMode> Merged<'a, C> {
     fn count_closed_forms(&self, met: &MetMedia, ray: &Ray, t_max: f64, flight: &mut C::Flight) {
         for &index in met {
             if let Some(transmittance) = closed_form(&self.media[index as usize], ray, t_max) {
-                self.channels.count_nulls(flight, transmittance);
+                flight.count_nulls(transmittance);
             }
         }
     }
@@ -576,13 +576,13 @@ impl<'a, C: ChannelMode> Media for Merged<'a, C> {
         rng: &mut R,
         tally: &mut Tally,
     ) -> FlightEnd<C::Nulls> {
-        let mut flight = self.channels.begin(beta);
+        let mut flight = C::Flight::begin(beta);
         // Most rays meet one medium.
         match self.index.at_most_one(segment.ray, segment.t_max) {
-            AtMostOne::None => return self.channels.end(flight, None, decoupled),
+            AtMostOne::None => return flight.end(None, decoupled),
             AtMostOne::One(number) if self.tracks && self.index.walks[number] != Walk::Other => {
                 self.fly_through_grid(number, &segment, &mut flight, first, (rng, tally));
-                return self.channels.end(flight, None, decoupled);
+                return flight.end(None, decoupled);
             }
             _ => {}
         }
@@ -591,7 +591,7 @@ impl<'a, C: ChannelMode> Media for Merged<'a, C> {
         if self.index.homogeneous && !ended && own.is_none() {
             self.count_closed_forms(&met, segment.ray, segment.t_max, &mut flight);
         }
-        self.channels.end(flight, own, decoupled)
+        flight.end(own, decoupled)
     }
 
     fn transmittance<R: Rng + Clone>(

@@ -1,6 +1,6 @@
 //! No volume: flights go on to the next surface, shadow rays lose nothing.
 
-use super::channels::{ChannelMode, Grey, NeverDecoupled};
+use super::channels::{CoupledFlight, FlightUnderWay, Grey, NeverDecoupled};
 use super::{Collision, FlightEnd, Media, Ray, RaySegment, Shadow};
 use glam::{DVec3, Vec3};
 use pileus_media::{PhaseAt, Tally};
@@ -22,7 +22,7 @@ impl Media for NoMedia {
         _: &mut R,
         _: &mut Tally,
     ) -> FlightEnd<f32> {
-        Grey.end(Grey.begin(beta), None, decoupled)
+        CoupledFlight::begin(beta).end(None, decoupled)
     }
 
     #[inline(always)]

@@ -1,7 +1,7 @@
 //! One grid: the events of most clouds. No list of media, no choice of voxel type or method:
 //! flights by tentative collisions, shadow rays by ratio tracking.
 
-use super::channels::ChannelMode;
+use super::channels::{ChannelMode, FlightUnderWay};
 use super::collisions::OneMedium;
 use super::{Collision, FlightEnd, Media, Ray, RaySegment, Shadow};
 use glam::{DVec3, Vec3};
@@ -68,7 +68,7 @@ impl<V: Voxel, C: ChannelMode, P: PhaseAxis> Media for OneGrid<'_, V, C, P> {
         rng: &mut R,
         tally: &mut Tally,
     ) -> FlightEnd<C::Nulls> {
-        let mut flight = self.channels.begin(beta);
+        let mut flight = C::Flight::begin(beta);
         let ratio = self.medium.chromatic_ratio();
         let share = if C::GREY { 1.0 } else { self.channels.share(&flight, ratio) };
         if (C::GREY || share > 0.0)
@@ -84,7 +84,7 @@ impl<V: Voxel, C: ChannelMode, P: PhaseAxis> Media for OneGrid<'_, V, C, P> {
             let collisions = OneMedium { walk, medium: 0, t_enter, ratio, weighted: true };
             self.channels.fly(&mut flight, collisions, decision, rng, tally);
         }
-        self.channels.end(flight, None, decoupled)
+        flight.end(None, decoupled)
     }
 
     #[inline(always)]

@@ -280,10 +280,14 @@ pub(super) fn are_analog(scene: &Scene, channels: Channels, methods: Methods) ->
                 | DistanceSampler::Decomposition
         ),
         // Each channel by itself is delta tracking, but in media that fly by closed forms.
-        Channels::Split => scene
-            .volumes
-            .iter()
-            .all(|volume| volume.medium.is_grey() || !flies_by_depth(&volume.medium)),
+        Channels::Split => weighted_beside_split(scene).next().is_none(),
         Channels::Spectral => false,
     }
+}
+
+/// Volumes whose channels differ and whose flights are closed forms of their own, or may be: these
+/// weight channels also where others decouple.
+pub(super) fn weighted_beside_split(scene: &Scene) -> impl Iterator<Item = &Volume> {
+    let weighted = |v: &&Volume| !v.medium.is_grey() && flies_by_depth(&v.medium);
+    scene.volumes.iter().filter(weighted)
 }

@@ -184,9 +184,19 @@ impl Facts {
         }
         match kernel.channels {
             Channels::Grey => {}
-            Channels::Split => reasons.push(
-                "extinction differs per channel: channels fly coupled by delta tracking and decouple where their events differ, so that none is weighted".into(),
-            ),
+            Channels::Split => {
+                let decouple = "extinction differs per channel: channels fly coupled by delta tracking and decouple where their events differ";
+                let weighted: Vec<String> = methods::weighted_beside_split(scene)
+                    .map(|volume| format!("`{}`", volume.name))
+                    .collect();
+                reasons.push(match weighted.as_slice() {
+                    [] => format!("{decouple}, so that none is weighted"),
+                    _ => format!(
+                        "{decouple}; flights that invert the optical depth are all channels' at once, weighted: in volume {}",
+                        weighted.join(", ")
+                    ),
+                });
+            }
             Channels::Spectral => reasons.push(
                 "extinction differs per channel: one flight for all channels on the strongest one's majorant, weighted"
                     .into(),

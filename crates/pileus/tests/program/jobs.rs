@@ -206,3 +206,29 @@ fn figures_of_methods_are_shown_on_request() {
     let said = stderr(&run(folder.path(), &["-v", "render", "job.json"]));
     assert!(said.contains("lookups") && said.contains("paths/s"), "{said}");
 }
+
+/// A limit kept in single precision is the number that is written of it, not the double that it
+/// widens to.
+#[test]
+fn limits_are_the_numbers_that_are_written() {
+    let fibre = |roughness: f64| {
+        json!({ "type": "sggx", "flakes": "specular",
+            "distribution": { "shape": "fibre", "axis": [0, 0, 1], "roughness": roughness } })
+    };
+    let lobe = |g: f64| json!({ "type": "henyey_greenstein", "g": g });
+    for (phase, allowed) in [
+        (fibre(0.001), true),
+        (fibre(0.000_999_9), false),
+        (lobe(0.999), true),
+        (lobe(-0.999), true),
+        (lobe(0.999_000_01), false),
+    ] {
+        let mut job = sphere_job();
+        job["volumes"] = json!([{
+            "homogeneous": { "sigma_t": 1, "bounds": [[-1, -1, -1], [1, 1, 1]] }, "phase": phase
+        }]);
+        let folder = folder(&[("job.json", &job.to_string())]);
+        let said = run(folder.path(), &["plan", "job.json"]);
+        assert_eq!(said.status.success(), allowed, "{phase}: {}", stderr(&said));
+    }
+}

@@ -150,3 +150,18 @@ fn outputs_of_layers_that_contradict_themselves_are_refused() {
         assert!(text.contains(word) && text.contains("help: "), "{output}: {text}");
     }
 }
+
+/// A file of layers is no picture, neither for `compare` nor as an environment.
+#[test]
+fn files_of_layers_are_not_taken_for_pictures() {
+    let folder = render(&job(json!({ "image": "a.exr" })), &[]);
+    let said = run(folder.path(), &["compare", "a.layers.exr", "a.layers.exr"]);
+    assert!(!said.status.success() && said.stdout.is_empty());
+    assert!(stderr(&said).contains("a.layers.exr"), "{}", stderr(&said));
+    let mut job = sphere_job();
+    job["lights"] = json!([{ "type": "environment", "image": "a.layers.exr" }]);
+    std::fs::write(folder.path().join("lit.json"), job.to_string()).unwrap();
+    let said = run(folder.path(), &["check", "lit.json"]);
+    assert!(!said.status.success());
+    assert!(stderr(&said).contains("a.layers.exr"), "{}", stderr(&said));
+}

@@ -1,6 +1,6 @@
 //! What a user writes about media of flakes.
 
-use super::option::between;
+use super::option::{between, written};
 use super::volume_rules as rules;
 use crate::options;
 use schemars::JsonSchema;
@@ -49,7 +49,7 @@ options! {
         /// Area shown along a fibre or across a surface's normal, relative to the largest, 0.001 to
         /// 1.
         #[schemars(extend("examples" = [0.1]))]
-        roughness: f64, between(f64::from(pileus_media::flakes::MIN_ROUGHNESS), 1);
+        roughness: f64, between(written(pileus_media::flakes::MIN_ROUGHNESS), 1);
         /// Grid of numbers with the roughness; needs `axis_grid`.
         roughness_grid: String;
         /// Entries xx, yy, zz of the matrix.

@@ -93,6 +93,12 @@ pub fn keyword(name: &'static str, value: impl Into<Value>) -> impl FnMut(&mut S
     }
 }
 
+/// A limit that is kept in single precision, as people write it: 0.001 itself is within "0.001 to
+/// 1", which the same number in double precision, 0.0010000000474974513, would refuse.
+pub fn written(limit: f32) -> f64 {
+    limit.to_string().parse().unwrap_or_else(|_| f64::from(limit))
+}
+
 /// No smaller number than this.
 pub fn at_least(limit: impl Into<Value>) -> impl FnMut(&mut Schema) {
     keyword("minimum", limit)

@@ -187,7 +187,7 @@ impl JsonSchema for CosineSpec {
 
     fn json_schema(generator: &mut SchemaGenerator) -> Schema {
         let grid = generator.subschema_for::<CosineGridSpec>();
-        let limit = f64::from(pileus_media::phase::MAX_G);
+        let limit = super::option::written(pileus_media::phase::MAX_G);
         json_schema!({
             "description": "A number, or a grid of the same file.",
             "anyOf": [{ "type": "number", "minimum": -limit, "maximum": limit }, grid]

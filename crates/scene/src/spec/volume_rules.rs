@@ -4,6 +4,7 @@
 use pileus_media::phase::MAX_G;
 use serde_json::{Value, json};
 
+use super::option::written;
 use super::schema_rule::{absent, both, given, implies, later, none_of, not_both, rule, with};
 
 /// Largest extinction, emission and other factor.
@@ -31,8 +32,8 @@ pub(crate) fn at_most(largest: f64) -> impl Fn(&mut schemars::Schema) {
 
 /// A mean cosine that single precision can follow.
 pub(crate) fn cosine(schema: &mut schemars::Schema) {
-    schema.insert("minimum".into(), (-f64::from(MAX_G)).into());
-    schema.insert("maximum".into(), f64::from(MAX_G).into());
+    schema.insert("minimum".into(), (-written(MAX_G)).into());
+    schema.insert("maximum".into(), written(MAX_G).into());
 }
 
 /// Which keys of a volume go together.

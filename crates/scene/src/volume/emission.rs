@@ -11,7 +11,10 @@ use pileus_media::{
 };
 use pileus_vdb::{GridClass, GridInfo, ValueType, VdbFile};
 
-use super::{VolumeLoader, affine, channels, grid_info};
+use super::VolumeLoader;
+use super::color::channels;
+use super::grids::grid_info;
+use super::placement::affine;
 use crate::error::{Error, Place};
 use crate::spec::volume_spec::{EmissionSpec, RampNodeSpec, Rgb, TemperatureSpec};
 

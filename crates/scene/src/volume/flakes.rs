@@ -6,6 +6,7 @@ use pileus_vdb::Tree;
 
 use crate::error::{Error, Place};
 use crate::spec::flake_spec::{FlakeShapeSpec, FlakeSpec};
+use crate::spec::option::written;
 
 /// Where the specification is, in a volume.
 pub(crate) const POINTER: &str = "/phase/distribution";
@@ -123,7 +124,7 @@ fn fibres_or_surfaces(
     at: &dyn Fn(&str) -> Place,
     grids: Option<&mut dyn FlakeGrids>,
 ) -> Result<FlakeShape, Error> {
-    let least = f64::from(MIN_ROUGHNESS);
+    let least = written(MIN_ROUGHNESS);
     let roughness = match spec.roughness {
         Some(roughness) if !(least..=1.0).contains(&roughness) => {
             return Err(Error::invalid(

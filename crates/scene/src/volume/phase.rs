@@ -12,6 +12,7 @@ use super::flakes::{self, FlakeGrids};
 use crate::error::{Error, Place};
 use crate::file;
 use crate::spec::flake_spec::FlakeScatteringSpec;
+use crate::spec::option::written;
 use crate::spec::phase_spec::{CosineSpec, LobeSpec, PhaseSpec};
 
 /// Largest table in bytes.
@@ -108,7 +109,7 @@ fn mixture(
 
 /// A mean cosine that single precision can follow.
 fn cosine(g: f64, place: impl Fn() -> Place) -> Result<f32, Error> {
-    let limit = f64::from(MAX_G);
+    let limit = written(MAX_G);
     if g.abs() <= limit {
         return Ok(g as f32);
     }

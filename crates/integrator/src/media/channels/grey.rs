@@ -2,7 +2,6 @@
 
 use super::{ChannelMode, CoupledFlight, NeverDecoupled};
 use crate::media::collisions::Collisions;
-use crate::media::{Collision, FlightEnd};
 use glam::Vec3;
 use pileus_media::Tally;
 use pileus_media::random::happens_of;
@@ -18,16 +17,6 @@ impl ChannelMode for Grey {
     type Decoupled = NeverDecoupled<f32>;
     const GREY: bool = true;
     const DECOUPLES: bool = false;
-
-    #[inline(always)]
-    fn begin(self, beta: Vec3) -> CoupledFlight {
-        CoupledFlight::new(beta)
-    }
-
-    #[inline(always)]
-    fn throughput(self, flight: &CoupledFlight) -> Vec3 {
-        flight.beta
-    }
 
     #[inline(always)]
     fn share(self, _: &CoupledFlight, _: Vec3) -> f32 {
@@ -60,26 +49,6 @@ impl ChannelMode for Grey {
         flight.null_probability = null_probability;
         tally.majorant_steps += collisions.steps();
         ended
-    }
-
-    #[inline(always)]
-    fn weigh(self, flight: &mut CoupledFlight, weight: Vec3) {
-        flight.beta *= weight;
-    }
-
-    #[inline(always)]
-    fn count_nulls(self, flight: &mut CoupledFlight, probability: f32) {
-        flight.null_probability *= probability;
-    }
-
-    #[inline(always)]
-    fn end(
-        self,
-        flight: CoupledFlight,
-        last: Option<Collision>,
-        _: &mut NeverDecoupled<f32>,
-    ) -> FlightEnd<f32> {
-        flight.end(last)
     }
 
     #[inline(always)]

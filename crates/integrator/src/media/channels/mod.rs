@@ -19,19 +19,13 @@ pub(crate) trait ChannelMode: Copy + Send + Sync {
     /// Probability of null decisions: of all channels at once, or of each.
     type Nulls: Spectrum + Send + Sync;
     /// A flight under way.
-    type Flight;
+    type Flight: FlightUnderWay<Nulls = Self::Nulls, Decoupled = Self::Decoupled>;
     /// Ends of flights of channels that did not end with the first.
     type Decoupled: Default + IntoIterator<Item = FlightEnd<Self::Nulls>>;
     /// Whether extinction is the same for all channels.
     const GREY: bool;
     /// Whether the channels of a path may decouple.
     const DECOUPLES: bool;
-
-    /// Begins a flight with throughput `beta`.
-    fn begin(self, beta: Vec3) -> Self::Flight;
-
-    /// The throughput of a flight under way, zero for channels that have ended.
-    fn throughput(self, flight: &Self::Flight) -> Vec3;
 
     /// Share of a medium's extinction whose collisions the channels under way need, in [0, 1];
     /// `ratio`: of the channels' extinction to the strongest one's. Zero: the medium is clear for
@@ -49,23 +43,36 @@ pub(crate) trait ChannelMode: Copy + Send + Sync {
         tally: &mut Tally,
     ) -> bool;
 
+    /// For shadow rays of a path with throughput `beta` through a medium: the share of its
+    /// extinction to walk, and the channels' ratios to that; `None` if it is clear for all of them.
+    fn shadow_ratios(self, beta: Vec3, ratio: Vec3) -> Option<(f32, Vec3)>;
+}
+
+/// A flight under way, of one channel or of all.
+pub(crate) trait FlightUnderWay {
+    /// As [`ChannelMode::Nulls`].
+    type Nulls;
+    /// As [`ChannelMode::Decoupled`].
+    type Decoupled;
+
+    /// Begins a flight with throughput `beta`.
+    fn begin(beta: Vec3) -> Self;
+
+    /// Its throughput, zero for channels that have ended.
+    fn throughput(&self) -> Vec3;
+
     /// Multiplies the throughput by the weight of a flight of its own through one medium.
-    fn weigh(self, flight: &mut Self::Flight, weight: Vec3);
+    fn weigh(&mut self, weight: Vec3);
 
     /// Multiplies the null probability of the channels under way.
-    fn count_nulls(self, flight: &mut Self::Flight, probability: f32);
+    fn count_nulls(&mut self, probability: f32);
 
     /// Ends the flight of the channels under way with `last`.
     fn end(
         self,
-        flight: Self::Flight,
         last: Option<Collision>,
         decoupled: &mut Self::Decoupled,
     ) -> FlightEnd<Self::Nulls>;
-
-    /// For shadow rays of a path with throughput `beta` through a medium: the share of its
-    /// extinction to walk, and the channels' ratios to that; `None` if it is clear for all of them.
-    fn shadow_ratios(self, beta: Vec3, ratio: Vec3) -> Option<(f32, Vec3)>;
 }
 
 /// Ends of flights where channels do not decouple: none.
@@ -80,14 +87,32 @@ pub(crate) struct CoupledFlight {
     collision: Option<Collision>,
 }
 
-impl CoupledFlight {
+impl FlightUnderWay for CoupledFlight {
+    type Nulls = f32;
+    type Decoupled = NeverDecoupled<f32>;
+
     #[inline(always)]
-    fn new(beta: Vec3) -> CoupledFlight {
+    fn begin(beta: Vec3) -> CoupledFlight {
         CoupledFlight { before: beta, beta, null_probability: 1.0, collision: None }
     }
 
     #[inline(always)]
-    fn end(self, last: Option<Collision>) -> FlightEnd<f32> {
+    fn throughput(&self) -> Vec3 {
+        self.beta
+    }
+
+    #[inline(always)]
+    fn weigh(&mut self, weight: Vec3) {
+        self.beta *= weight;
+    }
+
+    #[inline(always)]
+    fn count_nulls(&mut self, probability: f32) {
+        self.null_probability *= probability;
+    }
+
+    #[inline(always)]
+    fn end(self, last: Option<Collision>, _: &mut NeverDecoupled<f32>) -> FlightEnd<f32> {
         let CoupledFlight { before, beta, null_probability, collision } = self;
         FlightEnd { before, beta, null_probability, collision: collision.or(last) }
     }

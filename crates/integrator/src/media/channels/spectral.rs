@@ -7,7 +7,6 @@
 
 use super::{ChannelMode, CoupledFlight, NeverDecoupled};
 use crate::media::collisions::Collisions;
-use crate::media::{Collision, FlightEnd};
 use glam::Vec3;
 use pileus_media::Tally;
 use pileus_media::distance::real_probability;
@@ -28,16 +27,6 @@ impl ChannelMode for Spectral {
     type Decoupled = NeverDecoupled<f32>;
     const GREY: bool = false;
     const DECOUPLES: bool = false;
-
-    #[inline(always)]
-    fn begin(self, beta: Vec3) -> CoupledFlight {
-        CoupledFlight::new(beta)
-    }
-
-    #[inline(always)]
-    fn throughput(self, flight: &CoupledFlight) -> Vec3 {
-        flight.beta
-    }
 
     #[inline(always)]
     fn share(self, _: &CoupledFlight, _: Vec3) -> f32 {
@@ -80,26 +69,6 @@ impl ChannelMode for Spectral {
         (flight.beta, flight.null_probability) = (beta, null_probability);
         tally.majorant_steps += collisions.steps();
         ended
-    }
-
-    #[inline(always)]
-    fn weigh(self, flight: &mut CoupledFlight, weight: Vec3) {
-        flight.beta *= weight;
-    }
-
-    #[inline(always)]
-    fn count_nulls(self, flight: &mut CoupledFlight, probability: f32) {
-        flight.null_probability *= probability;
-    }
-
-    #[inline(always)]
-    fn end(
-        self,
-        flight: CoupledFlight,
-        last: Option<Collision>,
-        _: &mut NeverDecoupled<f32>,
-    ) -> FlightEnd<f32> {
-        flight.end(last)
     }
 
     #[inline(always)]

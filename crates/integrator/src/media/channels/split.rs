@@ -12,7 +12,7 @@
 //!
 //! Measured against spectral MIS: `docs/charts/whole.md`.
 
-use super::ChannelMode;
+use super::{ChannelMode, FlightUnderWay};
 use crate::media::collisions::Collisions;
 use crate::media::{Collision, FlightEnd};
 use glam::Vec3;
@@ -56,6 +56,57 @@ impl SplitFlight {
     }
 }
 
+impl FlightUnderWay for SplitFlight {
+    type Nulls = Vec3;
+    type Decoupled = SmallVec<[FlightEnd<Vec3>; 2]>;
+
+    #[inline(always)]
+    fn begin(beta: Vec3) -> SplitFlight {
+        SplitFlight {
+            before: beta,
+            beta,
+            under_way: present(beta),
+            null_probability: Vec3::ONE,
+            ended: SmallVec::new(),
+        }
+    }
+
+    #[inline(always)]
+    fn throughput(&self) -> Vec3 {
+        self.beta * self.under_way
+    }
+
+    #[inline(always)]
+    fn weigh(&mut self, weight: Vec3) {
+        self.beta *= weight;
+    }
+
+    #[inline(always)]
+    fn count_nulls(&mut self, probability: f32) {
+        self.null_probability *= probability;
+    }
+
+    #[inline(always)]
+    fn end(
+        mut self,
+        last: Option<Collision>,
+        decoupled: &mut SmallVec<[FlightEnd<Vec3>; 2]>,
+    ) -> FlightEnd<Vec3> {
+        let under_way = self.under_way;
+        let rest = (under_way != Vec3::ZERO).then(|| self.end_some(under_way, last));
+        let mut ends = self.ended.into_iter().chain(rest);
+        let nothing = FlightEnd {
+            before: Vec3::ZERO,
+            beta: Vec3::ZERO,
+            null_probability: Vec3::ONE,
+            collision: None,
+        };
+        let nearest = ends.next().unwrap_or(nothing);
+        decoupled.extend(ends);
+        nearest
+    }
+}
+
 /// One for the channels that have throughput, zero for others.
 #[inline(always)]
 fn present(beta: Vec3) -> Vec3 {
@@ -68,22 +119,6 @@ impl ChannelMode for Split {
     type Decoupled = SmallVec<[FlightEnd<Vec3>; 2]>;
     const GREY: bool = false;
     const DECOUPLES: bool = true;
-
-    #[inline(always)]
-    fn begin(self, beta: Vec3) -> SplitFlight {
-        SplitFlight {
-            before: beta,
-            beta,
-            under_way: present(beta),
-            null_probability: Vec3::ONE,
-            ended: SmallVec::new(),
-        }
-    }
-
-    #[inline(always)]
-    fn throughput(self, flight: &SplitFlight) -> Vec3 {
-        flight.beta * flight.under_way
-    }
 
     #[inline(always)]
     fn share(self, flight: &SplitFlight, ratio: Vec3) -> f32 {
@@ -151,37 +186,6 @@ impl ChannelMode for Split {
         flight.null_probability = null_probability;
         tally.majorant_steps += collisions.steps();
         flight.under_way == Vec3::ZERO
-    }
-
-    #[inline(always)]
-    fn weigh(self, flight: &mut SplitFlight, weight: Vec3) {
-        flight.beta *= weight;
-    }
-
-    #[inline(always)]
-    fn count_nulls(self, flight: &mut SplitFlight, probability: f32) {
-        flight.null_probability *= probability;
-    }
-
-    #[inline(always)]
-    fn end(
-        self,
-        mut flight: SplitFlight,
-        last: Option<Collision>,
-        decoupled: &mut SmallVec<[FlightEnd<Vec3>; 2]>,
-    ) -> FlightEnd<Vec3> {
-        let under_way = flight.under_way;
-        let rest = (under_way != Vec3::ZERO).then(|| flight.end_some(under_way, last));
-        let mut ends = flight.ended.into_iter().chain(rest);
-        let nothing = FlightEnd {
-            before: Vec3::ZERO,
-            beta: Vec3::ZERO,
-            null_probability: Vec3::ONE,
-            collision: None,
-        };
-        let nearest = ends.next().unwrap_or(nothing);
-        decoupled.extend(ends);
-        nearest
     }
 
     #[inline(always)]
