@@ -66,6 +66,15 @@ pub enum Failure {
         #[source]
         source: std::io::Error,
     },
+    /// A file is compared that is no picture.
+    #[cfg(feature = "lab")]
+    #[error("{}: it has no colour that is known by name; its channels are {names}", path.display())]
+    NoColor {
+        /// The file.
+        path: PathBuf,
+        /// The channels that it has.
+        names: String,
+    },
     /// Results cannot be printed.
     #[error("standard output cannot be written: {0}")]
     Output(std::io::Error),
@@ -97,7 +106,7 @@ impl Failure {
             #[cfg(feature = "lab")]
             Self::Lab(pileus_lab::Error::Film(error)) => film_exit(error),
             #[cfg(feature = "lab")]
-            Self::Lab(_) => Exit::Invalid,
+            Self::Lab(_) | Self::NoColor { .. } => Exit::Invalid,
             Self::Integrator(_) => Exit::Invalid,
             Self::Usage { .. } => Exit::Usage,
             Self::Io { .. } | Self::Output(_) => Exit::Io,
@@ -110,6 +119,8 @@ impl Failure {
         match self {
             Self::Scene(error) => error.remedy(),
             Self::Usage { remedy, .. } => remedy,
+            #[cfg(feature = "lab")]
+            Self::NoColor { .. } => "compare the image itself, or rename its channels to R, G and B",
             _ => "",
         }
     }

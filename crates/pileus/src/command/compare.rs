@@ -57,6 +57,10 @@ pub(crate) fn run(options: &CompareOptions, report: &Report) -> Result<(), Failu
 /// is from the same render.
 fn read_with_variance(path: &Path) -> Result<Image, Failure> {
     let mut image = read_exr(path)?;
+    if image.rgb_planes().is_none() {
+        let names: Vec<_> = image.channels().iter().map(|c| c.name.as_str()).collect();
+        return Err(Failure::NoColor { path: path.to_owned(), names: names.join(", ") });
+    }
     let beside = layers_beside(path);
     if image.layer("variance").is_some() || !beside.is_file() {
         return Ok(image);
