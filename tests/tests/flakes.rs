@@ -3,12 +3,15 @@
 
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 use pileus_film::read_exr;
-use pileus_integrator::{Plan, RenderSettings};
+use pileus_integrator::{LightSampling, Plan, RenderSettings};
 use pileus_media::distance::DistanceSampler;
 use pileus_media::flakes::{FlakeGrid, FlakeScattering, FlakeShape, Flakes, Roughness, Sggx};
 use pileus_media::transmittance::Estimator;
-use pileus_media::{Medium, Phase};
-use pileus_scene::{Light, Point, Scene};
+use pileus_media::{
+    Albedo, BlackbodyRadiance, EmissionField, EmissionSource, Interpolation, Medium, Phase,
+    VoxelGrid, VoxelGridOptions, blackbody,
+};
+use pileus_scene::{Light, Point, Scene, Volume, VolumeSource};
 use pileus_tests::*;
 use pileus_vdb::Tree;
 use std::sync::Arc;
@@ -143,6 +146,66 @@ fn furnaces_of_flakes() {
             });
         }
         assert_one(what, &sum.unwrap(), 1e-3, 4e-3);
+    }
+}
+
+/// Black bodies of microflakes give off light by the area that they show, as they absorb by it
+/// (Kirchhoff): at one temperature with what surrounds them light is the same everywhere. Without
+/// the area fibres would be up to 1 / roughness too bright. By shadow rays, paths that are drawn to
+/// the volume, and paths alone; grey and per channel; the same everywhere and by grid.
+#[test]
+fn black_bodies_of_microflakes_are_in_equilibrium() {
+    let kelvin = 2500.0;
+    let light = blackbody(kelvin, BlackbodyRadiance::Normalised);
+    let fibre = Sggx::fibre(Vec3::new(0.6, 0.0, 0.8), 0.05);
+    let large = Sggx::new([4.0, 0.3, 0.5], [0.1, 0.0, 0.2]).unwrap();
+    let cases = [
+        ("fibres", constant(fibre, FlakeScattering::Specular), [2.0; 3]),
+        ("matte fibres", constant(fibre, FlakeScattering::Diffuse), [2.0, 1.0, 0.3]),
+        ("areas above one", constant(large, FlakeScattering::Specular), [1.0; 3]),
+        ("by grid", flakes(swirling_fibres(0.05), FlakeScattering::Specular), [1.0, 2.0, 0.5]),
+    ];
+    let tree = Tree::from_dense(0.0f32, [0; 3], [16; 3], &[1.0; 16 * 16 * 16]);
+    let options = VoxelGridOptions { interpolation: Interpolation::Nearest };
+    let density = Arc::new(VoxelGrid::from_tree(&tree, &options).unwrap());
+    let index_to_world =
+        DAffine3::from_scale(DVec3::splat(0.125)) * DAffine3::from_translation(DVec3::splat(-7.5));
+    for (i, (what, phase, sigma_t)) in cases.into_iter().enumerate() {
+        let albedo = [0.5, 0.7, 0.2];
+        let source = EmissionSource::Blackbody {
+            density: Arc::clone(&density),
+            sigma_t,
+            albedo: Albedo::Constant(albedo),
+            temperature: Arc::clone(&density),
+            to_temperature: DAffine3::IDENTITY,
+            kelvin_per_unit: 0.0,
+            kelvin_offset: kelvin,
+            radiance: BlackbodyRadiance::Normalised,
+            intensity: 1.0,
+            phase: phase.clone(),
+        };
+        let mut scene = scene(vec![], EYE, DVec3::ZERO, 34.0);
+        scene.environment.constant = light;
+        scene.volumes.push(Volume {
+            name: what.into(),
+            medium: Arc::new(cube_grid(1.0, sigma_t, albedo, phase)),
+            emission: Some(Arc::new(EmissionField::new(source, index_to_world).unwrap())),
+            source: VolumeSource::Homogeneous,
+        });
+        for (k, light_sampling) in
+            [LightSampling::Both, LightSampling::Paths].into_iter().enumerate()
+        {
+            let seed = 70 + 2 * i as u64 + k as u64;
+            let mut image =
+                rendered(&scene, &RenderSettings { light_sampling, ..settings(96, seed) });
+            // Each channel over what it should be.
+            for (c, light) in ["R", "G", "B"].into_iter().zip(light.to_array()) {
+                image.image.channel_mut(c).unwrap().iter_mut().for_each(|v| *v /= light);
+                let variance = image.variance.channel_mut(c).unwrap();
+                variance.iter_mut().for_each(|v| *v /= light * light);
+            }
+            assert_one(&format!("{what}, {light_sampling:?}"), &image, 1e-3, 4e-3);
+        }
     }
 }
 

@@ -50,7 +50,7 @@ impl ToneMap {
     ///
     /// NaN and negative radiance count as black, infinite as brightest. Monotone on greys.
     pub fn apply(&self, rgb: [f32; 3]) -> [f32; 3] {
-        let gain = self.exposure_stops.exp2();
+        let gain = libm::exp2f(self.exposure_stops);
         let exposed = rgb.map(|v| positive_up_to(v * gain, f32::MAX / 16.0));
         match self.curve {
             Curve::Filmic => agx(exposed),
@@ -66,14 +66,14 @@ impl ToneMap {
 
 fn agx(rgb: [f32; 3]) -> [f32; 3] {
     let encoded = multiply(&INSET, rgb).map(|v| {
-        let stops = v.max(1e-10).log2().clamp(MIN_STOPS, MAX_STOPS);
+        let stops = libm::log2f(v.max(1e-10)).clamp(MIN_STOPS, MAX_STOPS);
         sigmoid((stops - MIN_STOPS) / (MAX_STOPS - MIN_STOPS))
     });
-    let powered = encoded.map(|v| v.powf(LOOK_POWER));
+    let powered = encoded.map(|v| libm::powf(v, LOOK_POWER));
     let luma = 0.2126 * powered[0] + 0.7152 * powered[1] + 0.0722 * powered[2];
     let looked = powered.map(|v| luma + LOOK_SATURATION * (v - luma));
     // The curve yields values for a display of pure gamma 2.2.
-    multiply(&OUTSET, looked).map(|v| srgb_encode(v.clamp(0.0, 1.0).powf(2.2)))
+    multiply(&OUTSET, looked).map(|v| srgb_encode(libm::powf(v.clamp(0.0, 1.0), 2.2)))
 }
 
 /// Wrensch's polynomial, clipped and scaled to reach 1 exactly.
@@ -100,7 +100,7 @@ pub fn srgb_encode(linear: f32) -> f32 {
     if v <= 0.003_130_8 {
         12.92 * v
     } else if v < 1.0 {
-        1.055 * v.powf(1.0 / 2.4) - 0.055
+        1.055 * libm::powf(v, 1.0 / 2.4) - 0.055
     } else {
         1.0
     }
@@ -109,7 +109,7 @@ pub fn srgb_encode(linear: f32) -> f32 {
 /// sRGB (IEC 61966-2-1) to linear value, clipped to `[0, 1]`.
 pub fn srgb_decode(encoded: f32) -> f32 {
     let v = positive_up_to(encoded, 1.0);
-    if v <= 0.040_45 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
+    if v <= 0.040_45 { v / 12.92 } else { libm::powf((v + 0.055) / 1.055, 2.4) }
 }
 
 #[cfg(test)]

@@ -6,8 +6,8 @@ use glam::{DAffine3, DMat3, DVec3, Vec3};
 use pileus_media::Bounds3;
 use pileus_media::random::uniform;
 use pileus_media::{
-    Albedo, BlackbodyRadiance, EmissionDirections, EmissionField, EmissionSource, Tally, VoxelGrid,
-    VoxelGridOptions,
+    Albedo, BlackbodyRadiance, EmissionDirections, EmissionField, EmissionSource, Phase, Tally,
+    VoxelGrid, VoxelGridOptions,
 };
 use pileus_vdb::VdbFile;
 use rand_pcg::Pcg32;
@@ -44,6 +44,7 @@ fn soot() -> (EmissionSource, DAffine3) {
         kelvin_offset: 0.0,
         radiance: BlackbodyRadiance::Absolute,
         intensity: 1.0,
+        phase: Phase::Isotropic,
     };
     (source, to_world)
 }

@@ -7,7 +7,7 @@ use pileus_media::Bounds3;
 use pileus_media::random::uniform;
 use pileus_media::{
     Albedo, BlackbodyRadiance, ColorRamp, EmissionDirections, EmissionField, EmissionPoint,
-    EmissionSource, Interpolation, Tally, VoxelGrid, VoxelGridOptions, blackbody,
+    EmissionSource, Interpolation, Phase, Tally, VoxelGrid, VoxelGridOptions, blackbody,
 };
 use pileus_vdb::Tree;
 use rand_pcg::Pcg32;
@@ -45,6 +45,7 @@ fn soot(radiance: BlackbodyRadiance) -> EmissionField {
         kelvin_offset: 0.0,
         radiance,
         intensity: 1.0,
+        phase: Phase::Isotropic,
     };
     EmissionField::new(source, to_world).unwrap()
 }
@@ -501,6 +502,7 @@ fn grids_with_other_transforms_meet_in_the_world() {
         kelvin_offset: 0.0,
         radiance: BlackbodyRadiance::Absolute,
         intensity: 2.0,
+        phase: Phase::Isotropic,
     };
     let field = EmissionField::new(source, DAffine3::IDENTITY).unwrap();
     let le = 2.0 * blackbody(2000.0, BlackbodyRadiance::Absolute);

@@ -162,6 +162,12 @@ impl Validator<'_> {
             let what = format!("the list has {count} values, where {most} are the most");
             return Err(Fault::new(pointer, what, "remove what is too much"));
         }
+        let unique = keywords.get("uniqueItems") == Some(&Value::Bool(true));
+        let again = |(i, item): &(usize, &Value)| items[..*i].iter().any(|one| same(one, item));
+        if let Some((i, item)) = items.iter().enumerate().find(again).filter(|_| unique) {
+            let what = format!("{item} stands in the list already");
+            return Err(Fault::new(&format!("{pointer}/{i}"), what, "remove it here"));
+        }
         let first = list(keywords, "prefixItems");
         for (i, item) in items.iter().enumerate() {
             let schema = first.get(i).or_else(|| keywords.get("items"));

@@ -130,7 +130,11 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
                 arrives *= Vec3::splat(pdf_light) / (Vec3::splat(pdf_light) + pdf_path);
             } else {
                 // Null decisions are weighted by the throughput of their channels.
-                let nulls = shadow.null_probability.mean_by(behind);
+                let nulls = if M::Channels::GREY {
+                    shadow.null_probability.x
+                } else {
+                    shadow.null_probability.mean_by(behind)
+                };
                 weight *= pdf_light / (pdf_light + pdf * nulls);
             }
         }

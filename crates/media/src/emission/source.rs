@@ -6,6 +6,7 @@ use crate::Error;
 use crate::grid::VoxelGrid;
 use crate::index_map::{box_over, snapped};
 use crate::medium::Albedo;
+use crate::phase::Phase;
 use glam::{DAffine3, DVec3, Vec3};
 use pileus_math::Bounds3;
 use std::sync::Arc;
@@ -56,6 +57,9 @@ pub enum EmissionSource {
         radiance: BlackbodyRadiance,
         /// Factor on the radiance.
         intensity: f32,
+        /// Phase function of the medium: microflakes absorb, and so emit, by the area that they
+        /// show to the ray.
+        phase: Phase,
     },
 }
 
@@ -172,7 +176,20 @@ impl EmissionSource {
         }
     }
 
-    /// Emission at a point of index space.
+    /// Emission at a point of index space along a ray of unit `direction` (world).
+    pub(crate) fn along(&self, p_index: DVec3, direction: Vec3) -> Vec3 {
+        let emission = self.at(p_index);
+        match self {
+            EmissionSource::Blackbody { phase: Phase::Flakes(flakes), .. }
+                if emission != Vec3::ZERO =>
+            {
+                emission * flakes.projected_area(|| p_index, direction)
+            }
+            _ => emission,
+        }
+    }
+
+    /// Emission at a point of index space; that of microflakes were the area that they show 1.
     pub(crate) fn at(&self, p_index: DVec3) -> Vec3 {
         match self {
             EmissionSource::Grid { grid, color } => {
@@ -193,6 +210,7 @@ impl EmissionSource {
                 kelvin_offset,
                 radiance,
                 intensity,
+                ..
             } => {
                 let density = density.interpolate(p_index) as f32;
                 if density == 0.0 {
@@ -212,7 +230,7 @@ impl EmissionSource {
         }
     }
 
-    /// Bound of the emission over a closed box of index space.
+    /// Bound of the emission over a closed box of index space, along any direction.
     pub(crate) fn bound(&self, bounds: Bounds3) -> Bound {
         match self {
             EmissionSource::Grid { grid, color } => {
@@ -257,6 +275,7 @@ impl EmissionSource {
             kelvin_offset,
             radiance,
             intensity,
+            phase,
             ..
         } = self
         else {
@@ -274,7 +293,8 @@ impl EmissionSource {
             Albedo::Constant(albedo) => (1.0 - Vec3::from_array(*albedo), true),
             Albedo::Grid(grid) => (1.0 - grid.least_over(bounds), grid.is_constant_over(bounds)),
         };
-        let sigma_a = (Vec3::from_array(*sigma_t) * absorbing).max_element();
+        let shown = phase.flakes().map_or(1.0, |flakes| flakes.largest_area_to_any());
+        let sigma_a = (Vec3::from_array(*sigma_t) * absorbing).max_element() * shown;
         Bound {
             max: sigma_a * density.1 * le * *intensity * MARGIN,
             constant: density.0 == density.1 && coldest == hottest && same_albedo,

@@ -88,6 +88,14 @@ impl Flakes {
         }
     }
 
+    /// Bound of [`projected_area`](Flakes::projected_area) over all points and directions.
+    pub fn largest_area_to_any(&self) -> f32 {
+        match &self.shape {
+            FlakeShape::Constant(s) => s.largest_area(),
+            FlakeShape::Grid(grid) => grid.largest_area(),
+        }
+    }
+
     /// The phase function at a point for light that arrives along `incoming`. Diffuse flakes: that
     /// of one flake, drawn by what it shows to the ray; the mean over draws is the phase function,
     /// and each of them has an exact density, as any phase function has.

@@ -166,6 +166,7 @@ pub(crate) fn aovs(schema: &mut Schema) {
     let items = json!({ "type": "string", "enum": names });
     let items = later(items, "there is no such layer in this version", &known);
     schema.insert("items".into(), items);
+    schema.insert("uniqueItems".into(), true.into());
     let mut text = schema.get("description").and_then(Value::as_str).unwrap_or("").to_owned();
     for layer in layers() {
         let channels: Vec<String> = layer.channels.iter().map(|c| format!("`{c}`")).collect();

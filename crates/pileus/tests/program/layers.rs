@@ -142,6 +142,7 @@ fn outputs_of_layers_that_contradict_themselves_are_refused() {
         (json!({ "layers": "b.png" }), 3, "/output/layers"),
         (json!({ "aovs": ["beauty"] }), 5, "/output/aovs/0"),
         (json!({ "aovs": ["samples", "depht"] }), 5, "/output/aovs/1"),
+        (json!({ "aovs": ["samples", "samples"] }), 3, "/output/aovs/1"),
     ] {
         let folder = folder(&[("job.json", &job(output.clone()).to_string())]);
         let said = run(folder.path(), &["check", "job.json"]);

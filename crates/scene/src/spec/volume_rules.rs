@@ -40,7 +40,6 @@ pub(crate) fn cosine(schema: &mut schemars::Schema) {
 pub(crate) fn volume() -> Value {
     let grid_keys = ["density", "interpolation", "frame", "emission"];
     let by_grid = ["axis_grid", "roughness_grid", "diagonal_grid", "off_diagonal_grid"];
-    let kind = |name: &str| with("type", json!({ "const": name }));
     json!([
         rule(
             json!({ "anyOf": [given("vdb"), given("homogeneous")] }),
@@ -75,11 +74,6 @@ pub(crate) fn volume() -> Value {
             not_both(given("law"), given("law_mixture")),
             "the volume has both `law` and `law_mixture`",
             "keep one; a law can be a component of the mixture",
-        ),
-        later(
-            not_both(with("phase", kind("sggx")), with("emission", kind("blackbody"))),
-            "black bodies made of flakes would glow by direction, which is not modelled",
-            "give the fire a volume of its own: media may overlap",
         ),
     ])
 }

@@ -164,6 +164,7 @@ impl VolumeLoader {
             kelvin_offset: offset,
             radiance,
             intensity: intensity as f32,
+            phase: parts.medium.phase().clone(),
         })
     }
 }

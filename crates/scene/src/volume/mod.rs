@@ -139,14 +139,6 @@ impl VolumeLoader {
         }?;
         let phase = self.phase(request, &file, &path, info, &placement)?;
         let law = law(spec, place)?;
-        if phase.flakes().is_some() && matches!(spec.emission, Some(EmissionSpec::Blackbody { .. }))
-        {
-            return Err(Error::unsupported(
-                place("/emission"),
-                "black bodies made of flakes would glow by direction, which is not modelled",
-                "give the fire a volume of its own: media may overlap",
-            ));
-        }
         let scale = match density.scale {
             Some(scale) => scale,
             None => match request.default_scale {
