@@ -194,16 +194,11 @@ fn single_scattering_is_the_integral() {
                 let p = o + d * t;
                 let (wi, distance, irradiance) = match &light {
                     Light::Sun(sun) => (sun.to_light.as_dvec3().normalize(), f64::INFINITY, 1.0),
-                    Light::Point(point) => {
-                        let to = point.position - p;
-                        (to.normalize(), to.length(), 5.0 / to.length_squared())
-                    }
-                    Light::Spot(spot) => {
-                        let to = spot.position - p;
-                        let i = spot.intensity_toward((-to).normalize().as_vec3()).x;
+                    near => {
+                        let to = near.position().unwrap() - p;
+                        let i = near.intensity_toward((-to).normalize().as_vec3()).x;
                         (to.normalize(), to.length(), f64::from(i) / to.length_squared())
                     }
-                    _ => unreachable!("no other lights here"),
                 };
                 let exit = cube_span(p, wi, 1.0).map_or(0.0, |(_, b)| b).min(distance);
                 let phase = (1.0 - g * g) / (1.0 + g * g - 2.0 * g * d.dot(wi)).powf(1.5);

@@ -417,7 +417,7 @@ fn add_sample(
         return false;
     };
     if !sums.is_empty() && pixel.count() >= MAX_SUMMED
-        || !pixel.add(number, &PixelSample { rgb: [r, g, b], alpha })
+        || !pixel.add(number, &PixelSample::new([r, g, b], alpha))
     {
         return false;
     }

@@ -38,9 +38,7 @@ pub use crate::film::Film;
 pub use crate::filter::Filter;
 pub use crate::guard::{DecoderPanic, guarded};
 pub use crate::image::{Channel, Image, MAX_CHANNELS, MAX_SAMPLES, MetaValue, Window};
-pub use crate::layer::{
-    ALPHA, BEAUTY, FIRST_LAYERS, LAYERS, Layer, Reconstruction, SAMPLES, VARIANCE,
-};
+pub use crate::layer::*;
 pub use crate::memory::FilmMemory;
 pub use crate::moments::{PixelMoments, PixelSample, REPLICATES};
 pub use crate::preview::{png_bytes, preview_rgb8, write_png};

@@ -31,12 +31,19 @@ pub struct PixelSample {
     pub alpha: f32,
 }
 
+impl PixelSample {
+    /// A sample of which radiance and alpha alone are known.
+    pub const fn new(rgb: [f32; 3], alpha: f32) -> Self {
+        Self { rgb, alpha }
+    }
+}
+
 /// Sums of the samples of one pixel, per replicate, exact and associative.
 ///
 /// ```
 /// use pileus_film::{PixelMoments, PixelSample};
 ///
-/// let samples = [0.1f32, 0.7, 1e-7, 3e35].map(|v| PixelSample { rgb: [v; 3], alpha: 1.0 });
+/// let samples = [0.1f32, 0.7, 1e-7, 3e35].map(|v| PixelSample::new([v; 3], 1.0));
 /// let (mut whole, mut left, mut right) = <(PixelMoments, PixelMoments, PixelMoments)>::default();
 /// for (number, s) in (0..).zip(&samples) {
 ///     whole.add(number, s);
@@ -231,7 +238,7 @@ mod tests {
     use crate::binned::{BIN_BITS, LOWEST_STEP, SCALES, power_of_two};
 
     fn grey(v: f32) -> PixelSample {
-        PixelSample { rgb: [v, -v, v], alpha: v }
+        PixelSample::new([v, -v, v], v)
     }
 
     #[test]
@@ -280,8 +287,8 @@ mod tests {
     fn only_what_is_not_finite_is_left_out() {
         let mut moments = PixelMoments::default();
         for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
-            assert!(!moments.add(0, &PixelSample { rgb: [0.0, bad, 0.0], alpha: 0.0 }));
-            assert!(!moments.add(1, &PixelSample { rgb: [0.0; 3], alpha: bad }));
+            assert!(!moments.add(0, &PixelSample::new([0.0, bad, 0.0], 0.0)));
+            assert!(!moments.add(1, &PixelSample::new([0.0; 3], bad)));
         }
         assert_eq!(moments, PixelMoments::default());
         assert!(moments.variance_of_mean().iter().all(|v| *v == f64::INFINITY));
@@ -300,7 +307,7 @@ mod tests {
         let n = 1000;
         for i in 0..n {
             let v = 1048576.0 + if i % 2 == 0 { 0.0 } else { 0.125 };
-            assert!(moments.add(i, &PixelSample { rgb: [v; 3], alpha: (i % 2) as f32 }));
+            assert!(moments.add(i, &PixelSample::new([v; 3], (i % 2) as f32)));
         }
         let variance = moments.variance_of_mean();
         for v in &variance[..3] {

@@ -20,7 +20,7 @@ fn value() -> impl Strategy<Value = f32> {
 
 fn sample() -> impl Strategy<Value = PixelSample> {
     ([value(), value(), value()], prop_oneof![0f32..=1.0, value()])
-        .prop_map(|(rgb, alpha)| PixelSample { rgb, alpha })
+        .prop_map(|(rgb, alpha)| PixelSample::new(rgb, alpha))
 }
 
 proptest! {
@@ -74,7 +74,7 @@ proptest! {
         let unit = 2f32.powi(exponent);
         let mut moments = PixelMoments::default();
         for (number, v) in (0..).zip(&values) {
-            let sample = PixelSample { rgb: [v * unit, 0.5 * v, 0.0], alpha: v / 1000.0 };
+            let sample = PixelSample::new([v * unit, 0.5 * v, 0.0], v / 1000.0);
             prop_assert!(moments.add(number, &sample));
         }
         for (c, scale) in [(0, unit), (1, 0.5), (3, 1e-3)] {
@@ -193,7 +193,7 @@ fn noise(seed: u64, x: u32, y: u32, i: u64) -> PixelSample {
     let alpha = next();
     let wide = (200.0 * next() - 100.0).exp2() * next();
     let rgb = [next(), wide, if next() < 1.0 / 64.0 { f32::NAN } else { next() * 1e-6 }];
-    PixelSample { rgb, alpha }
+    PixelSample::new(rgb, alpha)
 }
 
 #[test]
@@ -223,9 +223,9 @@ fn the_image_is_the_mean_of_what_was_not_dropped() {
     let mut tile = film.tile(0, 0, 3, 1);
     tile.start(0..3).unwrap();
     for (number, v) in [(0, 1.0), (1, 2.0), (2, f32::NAN)] {
-        tile.add(1, 0, number, &PixelSample { rgb: [v, 0.0, 0.0], alpha: 1.0 });
+        tile.add(1, 0, number, &PixelSample::new([v, 0.0, 0.0], 1.0));
     }
-    tile.add(2, 0, 0, &PixelSample { rgb: [f32::NAN; 3], alpha: 1.0 });
+    tile.add(2, 0, 0, &PixelSample::new([f32::NAN; 3], 1.0));
     assert!(!tile.add(3, 0, 1, &PixelSample::default()));
     // A number that the pass does not have, and one that is there already.
     assert!(!tile.add(1, 0, 3, &PixelSample::default()));

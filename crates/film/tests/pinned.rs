@@ -15,7 +15,7 @@ fn sample(state: &mut u64) -> PixelSample {
             _ => (bits >> 8) as f32 / (1 << 24) as f32,
         }
     };
-    PixelSample { rgb: [next(), next(), next()], alpha: next() }
+    PixelSample::new([next(), next(), next()], next())
 }
 
 /// CRC-64/XZ, bit by bit.

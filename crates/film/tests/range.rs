@@ -16,7 +16,7 @@ fn a_constant_is_its_own_mean_whatever_its_size() {
             let mut tile = film.tile(0, 0, 1, 1);
             tile.start(0..24).unwrap();
             for number in 0..24 {
-                assert!(tile.add(0, 0, number, &PixelSample { rgb: [v, -v, 0.0], alpha }));
+                assert!(tile.add(0, 0, number, &PixelSample::new([v, -v, 0.0], alpha)));
             }
             film.add_tiles(&[tile]).unwrap();
             film.commit_pass(24);
@@ -36,7 +36,7 @@ fn a_sun_in_a_dark_pixel_adds_what_it_has() {
     for sun in [1.49e9f32, -3e12, 1e30] {
         let sample = |number: u64| {
             let v = if number.is_multiple_of(20) { sun } else { 0.25 };
-            PixelSample { rgb: [v, 0.25, v * 1e-3], alpha: v.abs() }
+            PixelSample::new([v, 0.25, v * 1e-3], v.abs())
         };
         let mut whole = PixelMoments::default();
         (0..160).for_each(|number| assert!(whole.add(number, &sample(number))));
@@ -64,7 +64,7 @@ fn variances_beyond_a_float_stay_known() {
     tile.start(0..16).unwrap();
     for number in 0..16 {
         let sign = if number % 2 == 0 { 1.0 } else { -1.0 };
-        let sample = |v: f32| PixelSample { rgb: [sign * v; 3], alpha: 0.0 };
+        let sample = |v: f32| PixelSample::new([sign * v; 3], 0.0);
         tile.add(0, 0, number, &sample(1e25));
         tile.add(1, 0, number, &sample(1e-30));
     }

@@ -33,12 +33,7 @@ fn state() -> (Film, Vec<u8>) {
     tile.start(0..10).unwrap();
     for i in 0..60 {
         let v = 0.1 + i as f32;
-        tile.add(
-            i % 3,
-            i / 3 % 2,
-            u64::from(i / 6),
-            &PixelSample { rgb: [v, -v, v * v], alpha: 0.3 },
-        );
+        tile.add(i % 3, i / 3 % 2, u64::from(i / 6), &PixelSample::new([v, -v, v * v], 0.3));
     }
     film.add_tiles(&[tile]).unwrap();
     film.commit_pass(10);

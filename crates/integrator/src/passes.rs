@@ -86,7 +86,7 @@ fn trace<M: Media, W: World>(
             counters.clamped += 1;
         }
     }
-    PixelSample { rgb: value.radiance.to_array(), alpha: value.alpha }
+    PixelSample::new(value.radiance.to_array(), value.alpha)
 }
 
 /// One sample of one pixel.

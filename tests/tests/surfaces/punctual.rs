@@ -97,14 +97,8 @@ fn many_punctual_lights_are_the_closed_forms() {
         let p = on_floor(pixel_ray(&scene, x, y));
         let mut sum = DVec3::ZERO;
         for light in &scene.lights {
-            let (to, intensity) = match light {
-                Light::Point(point) => (point.position - p, point.intensity),
-                Light::Spot(spot) => {
-                    let to = spot.position - p;
-                    (to, spot.intensity_toward(-to.normalize().as_vec3()))
-                }
-                _ => unreachable!(),
-            };
+            let to = light.position().unwrap() - p;
+            let intensity = light.intensity_toward(-to.normalize().as_vec3());
             sum += intensity.as_dvec3() * (to.y / to.length().powi(3));
         }
         (sum * 0.6 / PI).to_array()

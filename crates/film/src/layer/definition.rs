@@ -23,7 +23,7 @@ use crate::moments::{PixelMoments, PixelSample};
 /// let mut tile = film.tile(0, 0, 1, 1);
 /// tile.start(0..2)?;
 /// for (number, v) in [(0, 0.25), (1, 0.75)] {
-///     tile.add(0, 0, number, &PixelSample { rgb: [v; 3], alpha: 1.0 });
+///     tile.add(0, 0, number, &PixelSample::new([v; 3], 1.0));
 /// }
 /// film.add_tiles(&[tile]);
 /// assert_eq!(film.image_of(&[&LUMINANCE])?.get("luminance.Y", 0, 0), Some(0.5));

@@ -23,9 +23,9 @@ pub(crate) enum EmitterTechnique {
     Direction { to_light: Vec3, irradiance: Vec3, strength: f32 },
     /// A disc of constant radiance at infinity.
     Disc(Disc),
-    /// A point or spot light, by number.
+    /// A light with a position, by number.
     Position(usize),
-    /// All point and spot lights, if there are many.
+    /// All lights with positions, if there are many.
     Positions(LightTree),
     /// What is bright in the environment image.
     Image { image: Arc<EnvironmentImage>, strength: f32 },
@@ -33,11 +33,11 @@ pub(crate) enum EmitterTechnique {
     EmissiveTriangles(EmissiveTriangles),
 }
 
-/// Most point and spot lights that are chosen among one by one, with their phase function's value;
+/// Most lights with positions that are chosen among one by one, with their phase function's value;
 /// more are put under a tree, which knows their distance alone.
 const MAX_LISTED_POSITIONS: usize = 8;
 
-/// A point or a spot light; the scene's light holds the angular law.
+/// A light that has a position; the scene's light holds the angular law.
 #[derive(Debug, Clone)]
 pub(crate) struct PointLight {
     light: Light,
@@ -47,20 +47,13 @@ pub(crate) struct PointLight {
 
 impl PointLight {
     fn new(light: &Light) -> Option<PointLight> {
-        let (position, intensity) = match light {
-            Light::Point(point) => (point.position, point.intensity),
-            Light::Spot(spot) => (spot.position, spot.intensity),
-            _ => return None,
-        };
-        let strength = luminance(intensity);
+        let position = light.position()?;
+        let strength = luminance(light.strength());
         (strength > 0.0).then(|| PointLight { light: light.clone(), position, strength })
     }
 
     fn for_tree(&self) -> TreeLight {
-        let (axis, cos_emission) = match &self.light {
-            Light::Spot(spot) => (spot.direction, spot.cos_outer),
-            _ => (Vec3::Z, -1.0),
-        };
+        let (axis, cos_emission) = self.light.cone();
         let p = [self.position; 3];
         TreeLight { p, axis, cos_emission, strength: self.strength, two_sided: false }
     }
@@ -72,11 +65,7 @@ impl PointLight {
             return None;
         }
         let wi = (to / distance).as_vec3();
-        let intensity = match &self.light {
-            Light::Point(point) => point.intensity,
-            Light::Spot(spot) => spot.intensity_toward(-wi),
-            _ => Vec3::ZERO,
-        };
+        let intensity = self.light.intensity_toward(-wi);
         let weight = (intensity.as_dvec3() / (distance * distance)).as_vec3();
         (weight != Vec3::ZERO).then_some(LightSample {
             wi,
@@ -224,7 +213,7 @@ pub(crate) struct LightSample {
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Lights {
     techniques: Vec<EmitterTechnique>,
-    /// Point and spot lights.
+    /// Lights with positions.
     points: Vec<PointLight>,
     /// Discs and images that no shadow ray is sent to.
     paths_only: Vec<EmitterTechnique>,

@@ -1,27 +1,23 @@
 //! What the plan says of lights: those without extent, and the panes they shine through.
 
 use crate::kernel::luminance;
-use pileus_scene::{Light, Scene, Surfaces};
+use pileus_scene::{Scene, Surfaces};
 
 /// Lights without extent, in words; `None` if there is none that shines.
 fn lights_without_extent(scene: &Scene) -> Option<String> {
-    let mut counts = [0usize; 3];
+    let mut counts: Vec<([&str; 2], usize)> = Vec::new();
     for light in &scene.lights {
-        let (kind, strength) = match light {
-            Light::Sun(sun) if sun.angular_diameter == 0.0 => (0, sun.irradiance),
-            Light::Point(point) => (1, point.intensity),
-            Light::Spot(spot) => (2, spot.intensity),
-            _ => continue,
-        };
-        counts[kind] += usize::from(luminance(strength) > 0.0);
+        if light.has_extent() || !(luminance(light.strength()) > 0.0) {
+            continue;
+        }
+        match counts.iter_mut().find(|(names, _)| *names == light.names()) {
+            Some((_, count)) => *count += 1,
+            None => counts.push((light.names(), 1)),
+        }
     }
-    let names =
-        [("sun of no size", "suns of no size"), ("point light", "point lights"), ("spot", "spots")];
     let found: Vec<String> = counts
         .into_iter()
-        .zip(names)
-        .filter(|(count, _)| *count > 0)
-        .map(|(count, (one, many))| format!("{count} {}", if count == 1 { one } else { many }))
+        .map(|([one, many], count)| format!("{count} {}", if count == 1 { one } else { many }))
         .collect();
     (!found.is_empty()).then(|| found.join(", "))
 }

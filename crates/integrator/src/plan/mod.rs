@@ -23,7 +23,7 @@ use media::{DENSE, densest, describe};
 use pileus_media::distance::DistanceSampler;
 use pileus_media::transmittance::Estimator;
 use pileus_media::{Expectation, MajorantStructure, Medium};
-use pileus_scene::{Light, Scene, Surfaces};
+use pileus_scene::{Scene, Surfaces};
 use serde::Serialize;
 
 /// What is modelled, by which methods, and why. Prints itself for people and serialises for `stats`
@@ -281,7 +281,7 @@ impl Plan {
             );
         }
         let mis = lights.need_mis();
-        let suns = scene.lights.iter().filter(|l| matches!(l, Light::Sun(_))).count();
+        let suns = scene.lights.iter().filter(|l| l.position().is_none()).count();
         if mis {
             reasons.push(
                 "a light can be met by shadow rays and by paths: both are weighted by the densities of the null-scattering path"

@@ -8,7 +8,7 @@ use crate::settings::{DEFAULT_MAX_EVENTS, RenderSettings};
 use glam::{DVec3, Vec3};
 use pileus_math::Bounds3;
 use pileus_media::{GridShape, Medium, Shape};
-use pileus_scene::{Light, Scene, Surfaces, Volume};
+use pileus_scene::{Scene, Surfaces, Volume};
 use rand_pcg::Pcg32;
 
 /// How lines about `max_events` begin.
@@ -204,18 +204,13 @@ pub(crate) fn met_by_none(scene: &Scene, paths: u32) -> Option<String> {
 /// Pictures without light: nothing shines, or nothing that shines gets through.
 fn darkness(scene: &Scene) -> Option<String> {
     let bright = |rgb: Vec3| rgb.max_element() > 0.0;
-    let distant = !scene.environment.is_black()
-        || scene.lights.iter().any(|light| match light {
-            Light::Sun(sun) => bright(sun.irradiance),
-            _ => false,
-        });
-    let near = scene.lights.iter().any(|light| match light {
-        Light::Point(point) => bright(point.intensity),
-        Light::Spot(spot) => bright(spot.intensity),
-        Light::Sun(_) => false,
-        // Kinds that are not known here: they may.
-        _ => true,
-    }) || scene.surfaces.as_ref().is_some_and(|surfaces| surfaces.emits())
+    let shines = |at_infinity: bool| {
+        let mut lights = scene.lights.iter().filter(|l| l.position().is_none() == at_infinity);
+        lights.any(|light| bright(light.strength()))
+    };
+    let distant = !scene.environment.is_black() || shines(true);
+    let near = shines(false)
+        || scene.surfaces.as_ref().is_some_and(|surfaces| surfaces.emits())
         || scene.fires().any(|fire| fire.bounds_world().is_some());
     if !distant && !near {
         return Some(

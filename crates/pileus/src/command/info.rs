@@ -456,31 +456,6 @@ fn vdb_text(path: &Path, info: &Value) -> String {
     joined(&lines)
 }
 
-fn light_json(light: &Light) -> Value {
-    match light {
-        Light::Sun(sun) => json!({
-            "type": "sun",
-            "to_light": sun.to_light.to_array(),
-            "irradiance": sun.irradiance.to_array(),
-            "angular_diameter": f64::from(sun.angular_diameter).to_degrees(),
-        }),
-        Light::Point(point) => json!({
-            "type": "point",
-            "position": point.position.to_array(),
-            "intensity": point.intensity.to_array(),
-        }),
-        Light::Spot(spot) => json!({
-            "type": "spot",
-            "position": spot.position.to_array(),
-            "direction": spot.direction.to_array(),
-            "intensity": spot.intensity.to_array(),
-            "inner_angle": f64::from(spot.cos_inner).acos().to_degrees(),
-            "outer_angle": f64::from(spot.cos_outer).acos().to_degrees(),
-        }),
-        _ => json!({ "type": "other" }),
-    }
-}
-
 fn matrix(transform: &glam::DAffine3) -> Vec<f64> {
     // Column-major, as glTF writes node matrices.
     glam::DMat4::from(*transform).to_cols_array().to_vec()
@@ -513,7 +488,7 @@ fn gltf_json(scene: &GltfScene) -> Value {
     json!({
         "counts": scene.counts,
         "cameras": cameras,
-        "lights": scene.lights.iter().map(light_json).collect::<Vec<_>>(),
+        "lights": scene.lights.iter().map(Light::description).collect::<Vec<_>>(),
         "volumes": volumes,
         "warnings": scene.warnings,
         "not_modelled": scene.not_modelled,
@@ -539,7 +514,7 @@ fn gltf_text(path: &Path, scene: &GltfScene) -> String {
         ));
     }
     for light in &scene.lights {
-        lines.push(format!("light {}", light_json(light)));
+        lines.push(format!("light {}", light.description()));
     }
     for volume in &scene.volumes {
         let spec = serde_json::to_string(&*volume.spec).unwrap_or_default();

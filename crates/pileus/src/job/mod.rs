@@ -14,7 +14,7 @@ mod sampling;
 pub use auto::{Auto, LeftToThePlan};
 pub use camera::CameraSpec;
 pub use film::{FilmSpec, FilterKind, FilterSpec};
-pub use light::{EnvironmentSpec, LightSpec, PointSpec, SkySpec, SunSpec};
+pub use light::*;
 pub use output::OutputSpec;
 pub(crate) use sampling::MAX_SPP;
 pub use sampling::SamplingSpec;

@@ -28,7 +28,7 @@ pub use mesh::{GltfMesh, GltfSurfaces};
 
 use crate::error::{Error, Place};
 use crate::json::{Document, acceptable_gltf};
-use crate::light::Light;
+use crate::light::punctual::Light;
 use crate::spec::volume_spec::VolumeSpec;
 use crate::surface::GlassRule;
 use instances::INSTANCING;

@@ -9,18 +9,66 @@ use crate::spec::flake_spec::{FlakeScatteringSpec, FlakeShapeSpec, FlakeSpec};
 use crate::spec::phase_spec::{CosineGridSpec, CosineSpec, PhaseSpec};
 use crate::uri::resolve_name;
 
-/// Types of phase functions that flat keys can say, and the keys of each.
-const TYPES: [(&str, &[&str]); 8] = [
-    ("isotropic", &[]),
-    ("henyey_greenstein", &["pileus_g", "pileus_g_grid", "pileus_g_scale", "pileus_g_offset"]),
-    ("two_lobe", &["pileus_g_forward", "pileus_g_backward", "pileus_weight_forward"]),
-    ("rayleigh", &[]),
-    ("draine", &["pileus_g", "pileus_alpha"]),
-    ("mie", &["pileus_droplet_diameter"]),
-    ("tabulated", &["pileus_phase_file"]),
-    (
-        "sggx",
-        &[
+/// A type of phase functions that flat keys can say.
+struct FlatType {
+    name: &'static str,
+    keys: &'static [&'static str],
+    /// From the keys to what they say.
+    read: fn(&Keys<'_>) -> Result<PhaseSpec, Error>,
+}
+
+/// All of them; a node that names none has the first that has one of its keys.
+static TYPES: [FlatType; 8] = [
+    FlatType { name: "isotropic", keys: &[], read: |_| Ok(PhaseSpec::Isotropic {}) },
+    FlatType {
+        name: "henyey_greenstein",
+        keys: &["pileus_g", "pileus_g_grid", "pileus_g_scale", "pileus_g_offset"],
+        read: |keys| {
+            let g = mean_cosine(keys.flat)?.ok_or_else(|| keys.missing("pileus_g"))?;
+            Ok(PhaseSpec::HenyeyGreenstein { g })
+        },
+    },
+    FlatType {
+        name: "two_lobe",
+        keys: &["pileus_g_forward", "pileus_g_backward", "pileus_weight_forward"],
+        read: |keys| {
+            Ok(PhaseSpec::TwoLobe {
+                g_forward: keys.number("pileus_g_forward")?,
+                g_backward: keys.number("pileus_g_backward")?,
+                weight_forward: keys.number("pileus_weight_forward")?,
+            })
+        },
+    },
+    FlatType { name: "rayleigh", keys: &[], read: |_| Ok(PhaseSpec::Rayleigh {}) },
+    FlatType {
+        name: "draine",
+        keys: &["pileus_g", "pileus_alpha"],
+        read: |keys| {
+            let (g, alpha) = (keys.number("pileus_g")?, keys.number("pileus_alpha")?);
+            Ok(PhaseSpec::Draine { g, alpha })
+        },
+    },
+    FlatType {
+        name: "mie",
+        keys: &["pileus_droplet_diameter"],
+        read: |keys| {
+            let droplet_diameter = keys.number("pileus_droplet_diameter")?;
+            Ok(PhaseSpec::Mie { droplet_diameter })
+        },
+    },
+    FlatType {
+        name: "tabulated",
+        keys: &["pileus_phase_file"],
+        read: |keys| {
+            let file = keys.flat.text("pileus_phase_file")?;
+            let file = file.ok_or_else(|| keys.missing("pileus_phase_file"))?;
+            let file = resolve_name(keys.base, &file).to_string_lossy().into_owned();
+            Ok(PhaseSpec::Tabulated { file })
+        },
+    },
+    FlatType {
+        name: "sggx",
+        keys: &[
             "pileus_flakes",
             "pileus_flake_shape",
             "pileus_flake_axis",
@@ -30,8 +78,49 @@ const TYPES: [(&str, &[&str]); 8] = [
             "pileus_flake_diagonal_grid",
             "pileus_flake_off_diagonal_grid",
         ],
-    ),
+        read: |keys| {
+            let flat = keys.flat;
+            let shape = choice(flat, "pileus_flake_shape", &FLAKE_SHAPES)?;
+            Ok(PhaseSpec::Sggx {
+                flakes: choice(flat, "pileus_flakes", &FLAKE_SCATTERING)?,
+                distribution: FlakeSpec {
+                    shape: shape.ok_or_else(|| keys.missing("pileus_flake_shape"))?,
+                    axis: flat.vector("pileus_flake_axis")?,
+                    axis_grid: flat.text("pileus_flake_axis_grid")?,
+                    roughness: flat.number("pileus_flake_roughness")?,
+                    roughness_grid: flat.text("pileus_flake_roughness_grid")?,
+                    diagonal: None,
+                    off_diagonal: None,
+                    diagonal_grid: flat.text("pileus_flake_diagonal_grid")?,
+                    off_diagonal_grid: flat.text("pileus_flake_off_diagonal_grid")?,
+                },
+            })
+        },
+    },
 ];
+
+/// The flat keys of a node whose phase function is of the type `name`.
+struct Keys<'a> {
+    flat: &'a Flat<'a>,
+    base: &'a Path,
+    name: &'static str,
+}
+
+impl Keys<'_> {
+    /// The number of a key that the type needs.
+    fn number(&self, key: &str) -> Result<f64, Error> {
+        self.flat.number(key)?.ok_or_else(|| self.missing(key))
+    }
+
+    fn missing(&self, key: &str) -> Error {
+        // Without `pileus_phase` the place is that of the node's properties.
+        Error::invalid(
+            self.flat.place("pileus_phase"),
+            format!("the phase function `{}` needs `{key}`", self.name),
+            format!("add `{key}`"),
+        )
+    }
+}
 
 /// What the flat keys of phase functions mean.
 const MEANINGS: [(&str, &str); 19] = [
@@ -67,10 +156,10 @@ pub(crate) fn flat_phase_keys() -> impl Iterator<Item = (&'static str, &'static 
 /// The phase function that flat keys describe: of the type that `pileus_phase` names, or of the
 /// first type that has one of the keys given.
 pub(crate) fn flat_phase(flat: &Flat<'_>, base: &Path) -> Result<Option<PhaseSpec>, Error> {
-    let names = || TYPES.iter().map(|(name, _)| *name);
-    let (name, keys) = match flat.text("pileus_phase")? {
-        Some(name) => match TYPES.iter().find(|(known, _)| *known == name) {
-            Some(found) => *found,
+    let names = || TYPES.iter().map(|kind| kind.name);
+    let kind = match flat.text("pileus_phase")? {
+        Some(name) => match TYPES.iter().find(|kind| kind.name == name) {
+            Some(found) => found,
             None => {
                 let near = nearest(&name, names()).unwrap_or_default();
                 let known = names().collect::<Vec<_>>().join("`, `");
@@ -83,13 +172,14 @@ pub(crate) fn flat_phase(flat: &Flat<'_>, base: &Path) -> Result<Option<PhaseSpe
                 ));
             }
         },
-        None => match TYPES.iter().find(|(_, keys)| keys.iter().any(|key| flat.has(key))) {
-            Some(found) => *found,
+        None => match TYPES.iter().find(|kind| kind.keys.iter().any(|key| flat.has(key))) {
+            Some(found) => found,
             None => return Ok(None),
         },
     };
+    let FlatType { name, keys, read } = kind;
     let foreign =
-        TYPES.iter().flat_map(|(_, keys)| *keys).find(|key| flat.has(key) && !keys.contains(key));
+        TYPES.iter().flat_map(|other| other.keys).find(|key| flat.has(key) && !keys.contains(key));
     if let Some(key) = foreign {
         return Err(Error::invalid(
             flat.place(key),
@@ -100,51 +190,7 @@ pub(crate) fn flat_phase(flat: &Flat<'_>, base: &Path) -> Result<Option<PhaseSpe
             ),
         ));
     }
-    let missing = |key: &str| {
-        // Without `pileus_phase` the place is that of the node's properties.
-        Error::invalid(
-            flat.place("pileus_phase"),
-            format!("the phase function `{name}` needs `{key}`"),
-            format!("add `{key}`"),
-        )
-    };
-    let need = |key: &str| flat.number(key)?.ok_or_else(|| missing(key));
-    Ok(Some(match name {
-        "henyey_greenstein" => PhaseSpec::HenyeyGreenstein {
-            g: mean_cosine(flat)?.ok_or_else(|| missing("pileus_g"))?,
-        },
-        "two_lobe" => PhaseSpec::TwoLobe {
-            g_forward: need("pileus_g_forward")?,
-            g_backward: need("pileus_g_backward")?,
-            weight_forward: need("pileus_weight_forward")?,
-        },
-        "rayleigh" => PhaseSpec::Rayleigh {},
-        "draine" => PhaseSpec::Draine { g: need("pileus_g")?, alpha: need("pileus_alpha")? },
-        "mie" => PhaseSpec::Mie { droplet_diameter: need("pileus_droplet_diameter")? },
-        "tabulated" => {
-            let file =
-                flat.text("pileus_phase_file")?.ok_or_else(|| missing("pileus_phase_file"))?;
-            PhaseSpec::Tabulated { file: resolve_name(base, &file).to_string_lossy().into_owned() }
-        }
-        "sggx" => {
-            let shape = choice(flat, "pileus_flake_shape", &FLAKE_SHAPES)?;
-            PhaseSpec::Sggx {
-                flakes: choice(flat, "pileus_flakes", &FLAKE_SCATTERING)?,
-                distribution: FlakeSpec {
-                    shape: shape.ok_or_else(|| missing("pileus_flake_shape"))?,
-                    axis: flat.vector("pileus_flake_axis")?,
-                    axis_grid: flat.text("pileus_flake_axis_grid")?,
-                    roughness: flat.number("pileus_flake_roughness")?,
-                    roughness_grid: flat.text("pileus_flake_roughness_grid")?,
-                    diagonal: None,
-                    off_diagonal: None,
-                    diagonal_grid: flat.text("pileus_flake_diagonal_grid")?,
-                    off_diagonal_grid: flat.text("pileus_flake_off_diagonal_grid")?,
-                },
-            }
-        }
-        _ => PhaseSpec::Isotropic {},
-    }))
+    read(&Keys { flat, base, name: kind.name }).map(Some)
 }
 
 const FLAKE_SHAPES: [(&str, FlakeShapeSpec); 4] = [
@@ -197,7 +243,7 @@ mod tests {
     /// The keys that types have are those that have a meaning.
     #[test]
     fn keys_have_a_meaning() {
-        let of_types = super::TYPES.iter().flat_map(|(_, keys)| *keys).copied();
+        let of_types = super::TYPES.iter().flat_map(|kind| kind.keys).copied();
         let mut keys: Vec<&str> = of_types.chain(["pileus_phase"]).collect();
         keys.sort_unstable();
         keys.dedup();
@@ -208,6 +254,25 @@ mod tests {
 
     use super::*;
     use crate::gltf::parse;
+
+    /// Flat keys say every type that a specification has but mixtures, and their meaning names all.
+    #[test]
+    fn no_type_is_forgotten() {
+        let schema = schemars::schema_for!(PhaseSpec);
+        let kinds = schema.get("oneOf").and_then(|kinds| kinds.as_array()).unwrap();
+        let mut specified: Vec<&str> = kinds
+            .iter()
+            .map(|kind| kind["properties"]["type"]["const"].as_str().unwrap())
+            .filter(|name| *name != "mixture")
+            .collect();
+        specified.sort_unstable();
+        let mut flat: Vec<&str> = TYPES.iter().map(|kind| kind.name).collect();
+        let list = format!("`{}`; default", flat.join("`, `"));
+        let (_, meaning) = flat_phase_keys().find(|(key, _)| *key == "pileus_phase").unwrap();
+        assert!(meaning.contains(&list), "{meaning}");
+        flat.sort_unstable();
+        assert_eq!(flat, specified);
+    }
 
     fn read(node: &str) -> Result<Option<PhaseSpec>, Error> {
         let text = format!(

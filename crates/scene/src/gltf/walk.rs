@@ -19,7 +19,7 @@ use super::{
 };
 use crate::error::{Error, Place};
 use crate::json::Document;
-use crate::light::{Light, Point, Spot, Sun};
+use crate::light::punctual::{Light, Point, Spot, Sun};
 
 /// What the default scene of a file contributes.
 pub(super) fn walk(

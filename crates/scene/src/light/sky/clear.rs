@@ -9,7 +9,7 @@ use hw_skymodel::rgb::{Channel, SkyParams, SkyState};
 use super::sunlight::sunlight;
 use crate::error::{Error, Place};
 use crate::light::environment::EnvironmentImage;
-use crate::light::{Light, Sun};
+use crate::light::punctual::{Light, Sun};
 
 /// Texels around the horizon.
 const WIDTH: usize = 512;

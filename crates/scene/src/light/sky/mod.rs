@@ -11,7 +11,7 @@ use glam::Vec3;
 
 use crate::error::Error;
 use crate::light::environment::{Environment, EnvironmentImage};
-use crate::light::{Light, Sun};
+use crate::light::punctual::{Light, Sun};
 
 /// A clear day: a warm sun 49 degrees above the horizon and a blue gradient with a pale horizon.
 ///
