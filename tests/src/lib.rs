@@ -6,7 +6,7 @@ use pileus_film::{Film, Filter, Image};
 use pileus_integrator::{Counters, RenderSettings, Renderer, Unmonitored};
 use pileus_media::{
     Albedo, Bounds3, EmissionField, EmissionSource, ExactField, Interpolation, Medium, Phase,
-    Tally, VoxelGrid, VoxelGridOptions, law,
+    Tally, VoxelGrid, VoxelGridOptions, transmittance_function,
 };
 use pileus_scene::volume::DefaultScale;
 use pileus_scene::{
@@ -122,7 +122,7 @@ pub fn scene(media: Vec<Medium>, position: DVec3, target: DVec3, fov_y: f64) -> 
 }
 
 /// Transmittance of all media of a scene along a segment from where nothing is correlated with
-/// them, per channel; exact, by their optical depths and their laws.
+/// them, per channel; exact, by their optical depths and their transmittance functions.
 pub fn transmittance(scene: &Scene, p: DVec3, d: DVec3, t_max: f64) -> DVec3 {
     let mut product = DVec3::ONE;
     for volume in &scene.volumes {
@@ -133,7 +133,9 @@ pub fn transmittance(scene: &Scene, p: DVec3, d: DVec3, t_max: f64) -> DVec3 {
         let depths = volume.medium.chromatic_ratio().as_dvec3() * depth;
         product *= DVec3::from_array(depths.to_array().map(|depth| {
             match volume.medium.transmittance_function() {
-                Some(law) => law.survival(law::Start::Uncorrelated, depth),
+                Some(function) => {
+                    function.survival(transmittance_function::StartCorrelation::Uncorrelated, depth)
+                }
                 None => (-depth).exp(),
             }
         }));
@@ -293,7 +295,7 @@ pub fn lambert(albedo: [f32; 3]) -> Value {
 }
 
 /// The same, giving off `radiance` on its front.
-pub fn lamp(albedo: [f32; 3], radiance: [f32; 3]) -> Value {
+pub fn area_light(albedo: [f32; 3], radiance: [f32; 3]) -> Value {
     let strength = radiance.iter().fold(0.0f32, |a, b| a.max(*b)).max(1.0);
     let mut material = lambert(albedo);
     material["emissiveFactor"] = json!(radiance.map(|c| c / strength));

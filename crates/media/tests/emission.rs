@@ -281,7 +281,7 @@ fn power_is_the_integral() {
     }
 }
 
-/// Points to look from: far, beside, above, and amid the fire.
+/// Points to look from: far, beside, above, and within the fire.
 fn eyes(field: &EmissionField) -> [DVec3; 4] {
     let Bounds3 { low, high } = field.bounds_world().unwrap();
     let at = |x, y, z| low + (high - low) * DVec3::new(x, y, z);
@@ -289,7 +289,7 @@ fn eyes(field: &EmissionField) -> [DVec3; 4] {
 }
 
 /// Directions by two numbers in [0, 1), uniform in a cone that holds all of a field, or over the
-/// sphere from amid it; and the solid angle.
+/// sphere from within it; and the solid angle.
 fn cone(field: &EmissionField, eye: DVec3) -> (impl Fn(f64, f64) -> Vec3, f64) {
     let Bounds3 { low, high } = field.bounds_world().unwrap();
     let (to, radius) = (0.5 * (low + high) - eye, 0.6 * (high - low).length());

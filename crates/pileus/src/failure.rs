@@ -120,7 +120,9 @@ impl Failure {
             Self::Scene(error) => error.remedy(),
             Self::Usage { remedy, .. } => remedy,
             #[cfg(feature = "lab")]
-            Self::NoColor { .. } => "compare the image itself, or rename its channels to R, G and B",
+            Self::NoColor { .. } => {
+                "compare the image itself, or rename its channels to R, G and B"
+            }
             _ => "",
         }
     }

@@ -1,4 +1,4 @@
-//! Volumes that give off light, as what paths are drawn to.
+//! Volumes that emit light, as what paths are drawn to.
 //!
 //! No shadow rays are sent to emissive volumes: a share of the directions in which paths go on is
 //! drawn by what the vertex sees of them, and the flight collects whatever lies on its way, light
@@ -81,7 +81,10 @@ impl EmissiveVolume {
 impl EmissiveVolumes {
     pub(crate) fn new(scene: &Scene) -> EmissiveVolumes {
         EmissiveVolumes {
-            volumes: scene.fires().filter_map(|field| EmissiveVolume::new(scene, field)).collect(),
+            volumes: scene
+                .emissive_volumes()
+                .filter_map(|field| EmissiveVolume::new(scene, field))
+                .collect(),
         }
     }
 

@@ -6,7 +6,9 @@ use super::collisions::OneMedium;
 use super::{Collision, FlightEnd, Media, Ray, RaySegment, Shadow};
 use glam::{DVec3, Vec3};
 use pileus_media::transmittance::ratio_tracking_with_roulette;
-use pileus_media::{Grey, GridShape, Medium, PhaseAt, Relative, Tally, TentativeCollisions, Voxel};
+use pileus_media::{
+    ChromaticRatio, Grey, GridShape, Medium, PhaseAt, Tally, TentativeCollisions, Voxel,
+};
 use rand_core::Rng;
 use std::marker::PhantomData;
 
@@ -111,7 +113,8 @@ impl<V: Voxel, C: ChannelMode, P: PhaseAxis> Media for OneGrid<'_, V, C, P> {
                 null_probability: Vec3::splat(estimate.null_probability),
             };
         }
-        let estimate = ratio_tracking_with_roulette(walk, Relative(ratios), threshold, rng, tally);
+        let estimate =
+            ratio_tracking_with_roulette(walk, ChromaticRatio(ratios), threshold, rng, tally);
         Shadow {
             transmittance: estimate.transmittance,
             null_probability: estimate.null_probability,

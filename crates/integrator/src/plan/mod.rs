@@ -95,7 +95,7 @@ impl Facts {
         let media =
             || scene.volumes.iter().map(|volume| &*volume.medium).filter(|m| extinguishes(m));
         let wide = |medium: &Medium| medium.grid().is_some_and(|grid| grid.is_wide());
-        let microflakes = media().any(|medium| medium.phase().flakes().is_some());
+        let microflakes = media().any(|medium| medium.phase().microflakes().is_some());
         let non_exponential = media().any(|medium| medium.transmittance_function().is_some());
         let grid = media().all(|m| m.grid().is_some() && !wide(m));
         let volumes = media().count();
@@ -108,7 +108,7 @@ impl Facts {
             dense: densest(scene, settings).is_some_and(|(depth, _)| depth > DENSE),
             microflakes,
             non_exponential,
-            emissive_volumes: scene.fires().count(),
+            emissive_volumes: scene.emissive_volumes().count(),
         }
     }
 
@@ -311,7 +311,7 @@ impl Plan {
             );
         }
         if facts.non_exponential {
-            methods::check_laws(scene, settings, methods, &mut reasons)?;
+            methods::check_transmittance_functions(scene, settings, methods, &mut reasons)?;
         }
         let equiangular = !facts.non_exponential
             && methods::choose_equiangular(scene, settings, lights, &mut reasons);

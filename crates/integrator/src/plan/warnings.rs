@@ -216,7 +216,7 @@ fn darkness(scene: &Scene) -> Option<String> {
         // Kinds that are not known here: they may.
         _ => true,
     }) || scene.surfaces.as_ref().is_some_and(|surfaces| surfaces.emits())
-        || scene.fires().any(|fire| fire.bounds_world().is_some());
+        || scene.emissive_volumes().any(|field| field.bounds_world().is_some());
     if !distant && !near {
         return Some(
             "nothing shines: every light is black, and so is the picture; give the scene a light"
@@ -246,8 +246,8 @@ fn darkness(scene: &Scene) -> Option<String> {
 
 /// The box of what a volume extinguishes or emits.
 fn bounds_of(volume: &Volume) -> Option<Bounds3> {
-    let fire = volume.emission.as_ref().and_then(|fire| fire.bounds_world());
-    let both = volume.medium.bounds_world().into_iter().chain(fire);
+    let emission = volume.emission.as_ref().and_then(|field| field.bounds_world());
+    let both = volume.medium.bounds_world().into_iter().chain(emission);
     both.reduce(Bounds3::union)
 }
 
@@ -331,7 +331,7 @@ fn enclosed(scene: &Scene) -> Vec<String> {
     lines
 }
 
-/// Points inside a volume where it extinguishes or gives off light, 64 at most.
+/// Points inside a volume where it extinguishes or emits light, 64 at most.
 fn points_of(volume: &Volume, bounds: Bounds3) -> Vec<DVec3> {
     const SIDE: u32 = 4;
     let at = |i: u32| (f64::from(i) + 0.5) / f64::from(SIDE);
@@ -341,7 +341,7 @@ fn points_of(volume: &Volume, bounds: Bounds3) -> Vec<DVec3> {
     });
     let filled = |p: &DVec3| {
         volume.medium.sigma_t_at(*p) > 0.0
-            || volume.emission.as_ref().is_some_and(|fire| fire.emission(*p).max_element() > 0.0)
+            || volume.emission.as_ref().is_some_and(|field| field.emission(*p).max_element() > 0.0)
     };
     lattice.filter(filled).collect()
 }

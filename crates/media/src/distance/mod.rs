@@ -5,12 +5,12 @@ mod decomposition;
 mod delta;
 mod depth;
 mod equiangular;
+mod non_exponential;
 mod progressive;
 mod ray_marching;
 mod regular;
 mod spectral;
 mod tracking;
-mod under_law;
 mod weighted_delta;
 
 use crate::channels::Channels;
@@ -24,11 +24,11 @@ use rand_core::Rng;
 pub use decomposition::decomposition_tracking;
 pub use delta::{delta_tracking, delta_tracking_by_mean};
 pub use equiangular::Equiangular;
+pub use non_exponential::regular_flight_non_exponential;
 pub use progressive::{ProgressiveBounds, ProgressiveRay};
 pub use ray_marching::{MARCHING_STEPS, ray_marching_flight};
 pub use regular::regular_flight;
 pub use spectral::{real_probability, spectral_tracking};
-pub use under_law::regular_flight_under_law;
 pub use weighted_delta::weighted_delta_tracking;
 
 /// How a free flight ended.

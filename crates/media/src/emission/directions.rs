@@ -16,7 +16,7 @@ use rayon::prelude::*;
 const BLOCKS_ACROSS: usize = 4;
 const BLOCKS: usize = BLOCKS_ACROSS * BLOCKS_ACROSS * BLOCKS_ACROSS;
 
-/// Directions to the neighbours of a cell, and one class for points that are amid the cells.
+/// Directions to the neighbours of a cell, and one class for points that are within the cells.
 const CLASSES: usize = 27;
 const AMID: usize = 13;
 

@@ -2,9 +2,9 @@
 
 use super::HomogeneousRay;
 use crate::field::{ExactField, MajorantSegment, RayField};
-use crate::flakes::FlakeRay;
 use crate::grid::Half;
 use crate::majorant::{AnyPartition, GridRay, WideRay};
+use crate::microflakes::MicroflakeRay;
 use crate::tally::Tally;
 use glam::DVec3;
 
@@ -31,9 +31,9 @@ pub enum AnyRay<'a> {
     /// Of constant extinction.
     Box(HomogeneousRay),
     /// Through a grid of microflakes.
-    GridOfFlakes(FlakeRay<'a, AnyGridRay<'a>>),
+    GridOfMicroflakes(MicroflakeRay<'a, AnyGridRay<'a>>),
     /// Through microflakes of constant density.
-    BoxOfFlakes(FlakeRay<'a, HomogeneousRay>),
+    BoxOfMicroflakes(MicroflakeRay<'a, HomogeneousRay>),
 }
 
 impl AnyGridRay<'_> {
@@ -95,4 +95,4 @@ macro_rules! field_of_variants {
 }
 
 field_of_variants!(AnyGridRay: Half, Single, HalfOther, SingleOther, Wide);
-field_of_variants!(AnyRay: Grid, Box, GridOfFlakes, BoxOfFlakes);
+field_of_variants!(AnyRay: Grid, Box, GridOfMicroflakes, BoxOfMicroflakes);

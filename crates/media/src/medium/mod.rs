@@ -16,11 +16,11 @@ pub use span::Span;
 
 use crate::Error;
 use crate::field::ExactField;
-use crate::flakes::{FlakeRay, Flakes};
 use crate::grid::{VoxelGrid, Voxels};
-use crate::law::Law;
 use crate::majorant::MajorantStructure;
+use crate::microflakes::{MicroflakeRay, Microflakes};
 use crate::phase::{Phase, PhaseAt};
+use crate::transmittance_function::TransmittanceFunction;
 use glam::{DAffine3, DVec3, Vec3};
 use pileus_math::Bounds3;
 use rand_core::Rng;
@@ -82,7 +82,9 @@ impl Medium {
         albedo: [f32; 3],
         phase: Phase,
     ) -> Result<Medium, Error> {
-        if matches!(phase, Phase::ByGrid(_)) || phase.flakes().is_some_and(Flakes::by_grid) {
+        if matches!(phase, Phase::ByGrid(_))
+            || phase.microflakes().is_some_and(Microflakes::by_grid)
+        {
             return Err(Error::invalid(
                 "a homogeneous medium has no grid for its phase function",
                 "give numbers instead of grids",
@@ -94,7 +96,10 @@ impl Medium {
     }
 
     /// This medium under another transmittance function; `None` is the exponential one.
-    pub fn with_transmittance_function(self, function: Option<Arc<Law>>) -> Medium {
+    pub fn with_transmittance_function(
+        self,
+        function: Option<Arc<TransmittanceFunction>>,
+    ) -> Medium {
         let optics = self.optics.with_transmittance_function(function);
         Medium { optics, ..self }
     }
@@ -145,7 +150,7 @@ impl Medium {
     #[inline(always)]
     pub fn default_grid(&self) -> Option<&GridShape> {
         let is_default = |grid: &&GridShape| grid.majorants().is_adaptive() && !grid.is_wide();
-        self.grid().filter(is_default).filter(|_| self.phase().flakes().is_none())
+        self.grid().filter(is_default).filter(|_| self.phase().microflakes().is_none())
     }
 
     /// The box, or all space, of a homogeneous medium.
@@ -177,7 +182,7 @@ impl Medium {
 
     /// The transmittance function; `None` is the exponential one.
     #[inline(always)]
-    pub fn transmittance_function(&self) -> Option<&Law> {
+    pub fn transmittance_function(&self) -> Option<&TransmittanceFunction> {
         self.optics.transmittance_function()
     }
 
@@ -239,8 +244,8 @@ impl Medium {
     /// What the medium's microflakes show to a ray along `direction`: a factor of its extinction; 1
     /// for other media.
     pub fn projected_area(&self, p_world: DVec3, direction: Vec3) -> f32 {
-        let Some(flakes) = self.phase().flakes() else { return 1.0 };
-        flakes.projected_area(|| self.to_index(p_world), direction)
+        let Some(microflakes) = self.phase().microflakes() else { return 1.0 };
+        microflakes.projected_area(|| self.to_index(p_world), direction)
     }
 
     /// The part of the ray `origin + t direction`, t in [0, t_max], that may meet extinction;
@@ -268,18 +273,28 @@ impl Medium {
     /// on cells that suit the factor.
     #[inline]
     pub fn any_ray(&self, span: &Span, factor: f32) -> AnyRay<'_> {
-        match (&self.shape, self.phase().flakes()) {
+        match (&self.shape, self.phase().microflakes()) {
             (Shape::Grid(grid), None) => AnyRay::Grid(grid.any_ray(span, factor)),
             (Shape::Box(shape), None) => AnyRay::Box(shape.ray(span, factor)),
-            (Shape::Grid(grid), Some(flakes)) => {
+            (Shape::Grid(grid), Some(microflakes)) => {
                 let index = [span.line.p + grid.local_to_index(), span.line.d];
                 let density = grid.any_ray(span, factor);
-                AnyRay::GridOfFlakes(FlakeRay::new(density, flakes, span.direction, index))
+                AnyRay::GridOfMicroflakes(MicroflakeRay::new(
+                    density,
+                    microflakes,
+                    span.direction,
+                    index,
+                ))
             }
-            (Shape::Box(shape), Some(flakes)) => {
+            (Shape::Box(shape), Some(microflakes)) => {
                 let index = [span.line.p, span.line.d];
                 let density = shape.ray(span, factor);
-                AnyRay::BoxOfFlakes(FlakeRay::new(density, flakes, span.direction, index))
+                AnyRay::BoxOfMicroflakes(MicroflakeRay::new(
+                    density,
+                    microflakes,
+                    span.direction,
+                    index,
+                ))
             }
         }
     }
@@ -296,7 +311,7 @@ impl Medium {
                 Voxels::Single(voxels) => kernel.run(grid.ray(voxels, span, factor)),
             };
         }
-        match (&self.shape, self.phase().flakes()) {
+        match (&self.shape, self.phase().microflakes()) {
             (Shape::Box(shape), None) => kernel.run(shape.ray(span, factor)),
             _ => kernel.run(self.any_ray(span, factor)),
         }

@@ -37,7 +37,7 @@ pub(super) fn resolve(
         majorant_scale: spec.majorant_scale(),
         shadow_roulette: spec.shadow_roulette().0,
         clamp: spec.clamp,
-        level_exponent: spec.level_exponent(),
+        continuation_exponent: spec.level_exponent(),
         ..RenderSettings::default()
     })
 }

@@ -16,7 +16,7 @@ use super::pose::{Pose, PoseKey, Poses, pose_key};
 use super::texture::Textures;
 use crate::error::Error;
 use crate::json::Document;
-use crate::surface::bodies::{Closure, Shells};
+use crate::surface::shells::{Closure, Shells};
 use crate::surface::{GlassRule, Material, Mesh, Part, Refusal, Surfaces, Tag};
 
 /// A node with a mesh.
@@ -193,7 +193,7 @@ enum Claim {
 }
 
 /// Most surfaces that are named one by one in warnings.
-const MOST_NAMED: usize = 16;
+const MAX_NAMED: usize = 16;
 
 impl Loader<'_> {
     /// A mesh of all primitives of triangles; `None` if there is no triangle.
@@ -480,7 +480,7 @@ impl Loader<'_> {
         let mut warnings: Vec<String> = self
             .doubts
             .iter()
-            .take(MOST_NAMED)
+            .take(MAX_NAMED)
             .map(|Doubt { mesh, node, material, what, triangles }| {
                 let body = format!(
                     "mesh {mesh} of node {node}: {triangles} triangles of material {material}"
@@ -505,8 +505,8 @@ impl Loader<'_> {
                 }
             })
             .collect();
-        if self.doubts.len() > MOST_NAMED {
-            let more = self.doubts.len() - MOST_NAMED;
+        if self.doubts.len() > MAX_NAMED {
+            let more = self.doubts.len() - MAX_NAMED;
             warnings.push(format!("{more} more surfaces do not bound bodies as they should"));
         }
         warnings

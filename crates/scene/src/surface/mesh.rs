@@ -5,8 +5,8 @@ use std::sync::{Arc, OnceLock};
 
 use glam::{DVec3, Vec2, Vec3, Vec4};
 
-use super::bodies::{Closure, Shells};
 use super::material::{Alpha, Material, Point};
+use super::shells::{Closure, Shells};
 use super::texture::Texture;
 use super::tree::Tree;
 

@@ -5,7 +5,6 @@
 //! find candidates in single precision with padded boxes; what decides is a watertight test in
 //! double precision.
 
-pub(crate) mod bodies;
 mod emitter;
 mod interaction;
 mod layers;
@@ -13,6 +12,7 @@ mod material;
 mod mesh;
 mod pane;
 mod parameters;
+pub(crate) mod shells;
 mod split;
 mod texture;
 mod tree;
@@ -44,7 +44,7 @@ use triangle::ShearedRay;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum GlassRule {
     /// What glTF says: such a surface is infinitely thin and bends nothing.
-    ByTheLetter,
+    Strict,
     /// Where a connected part of its mesh is closed (no edge is open, vertices at equal places
     /// taken for one) and holds a volume, that part bounds a body. Exporters leave the extension
     /// out where an artist made a glass ball (Blender's does).
@@ -53,20 +53,20 @@ pub enum GlassRule {
 }
 
 impl Named for GlassRule {
-    const ALL: &'static [GlassRule] = &[GlassRule::ByTheLetter, GlassRule::ClosedMeshesAreSolid];
+    const ALL: &'static [GlassRule] = &[GlassRule::Strict, GlassRule::ClosedMeshesAreSolid];
     const TITLE: &'static str = "Glass";
     const QUESTION: &'static str = "What a transmissive surface without `KHR_materials_volume` is";
 
     fn name(self) -> &'static str {
         match self {
-            GlassRule::ByTheLetter => "by_the_letter",
+            GlassRule::Strict => "by_the_letter",
             GlassRule::ClosedMeshesAreSolid => "closed_meshes_are_solid",
         }
     }
 
     fn about(self) -> &'static str {
         match self {
-            GlassRule::ByTheLetter => "An infinitely thin wall that bends nothing, as glTF says.",
+            GlassRule::Strict => "An infinitely thin wall that bends nothing, as glTF says.",
             GlassRule::ClosedMeshesAreSolid => {
                 "A body that bends light if its mesh is closed, as modelling programs mean it; \
                  else a thin wall."
@@ -118,15 +118,15 @@ pub struct SurfaceCounts {
     pub instances: usize,
     /// Triangles of all meshes, each counted once.
     pub triangles: usize,
-    /// Triangles that give off light, counted per instance.
+    /// Triangles that emit light, counted per instance.
     pub emitters: usize,
     /// Bytes of triangles and trees.
     pub bytes: usize,
 }
 
 /// Rank of a triangle that emits nothing.
-const DARK: u32 = u32::MAX;
-/// Most triangles that may give off light.
+const NO_EMITTER: u32 = u32::MAX;
+/// Most triangles that may emit light.
 const MAX_EMITTERS: usize = 1 << 24;
 /// Largest coordinate in the world that leaves room for products of three.
 const FARTHEST: f64 = 1e60;
@@ -217,7 +217,7 @@ impl Surfaces {
             let mut ranks = Vec::new();
             let emits = mesh.parts.iter().any(|part| self.material(part).emits());
             if emits {
-                ranks = vec![DARK; mesh.len()];
+                ranks = vec![NO_EMITTER; mesh.len()];
                 for (triangle, rank) in ranks.iter_mut().enumerate() {
                     let number = mesh.part(triangle).material as usize;
                     let material = &self.materials[number];
@@ -513,12 +513,12 @@ impl Surfaces {
         }
     }
 
-    /// All triangles that give off light.
+    /// All triangles that emit light.
     pub fn emitters(&self) -> &[EmissiveTriangle] {
         &self.emitters
     }
 
-    /// Whether any triangle gives off light.
+    /// Whether any triangle emits light.
     pub fn emits(&self) -> bool {
         !self.emitters.is_empty()
     }
@@ -527,7 +527,7 @@ impl Surfaces {
     pub fn emitter_of(&self, hit: &Hit) -> Option<u32> {
         let instance = &self.instances[hit.instance as usize];
         let rank = *self.ranks[instance.mesh].get(hit.triangle as usize)?;
-        (rank != DARK).then(|| instance.first_emitter + rank)
+        (rank != NO_EMITTER).then(|| instance.first_emitter + rank)
     }
 
     /// Radiance that the point of an emitter with these barycentrics emits against a ray along

@@ -2,15 +2,15 @@
 
 mod color;
 mod emission;
-mod flakes;
 mod grids;
 mod homogeneous;
-mod law;
+mod microflakes;
 mod phase;
 mod phase_grids;
 mod placement;
 mod request;
 mod scale;
+mod transmittance_function;
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -32,11 +32,11 @@ use color::{channels, constant_albedo};
 use emission::EmissionParts;
 use grids::{box_by_metadata, density_grid, grid_info, warn_of_clamped};
 use homogeneous::load_homogeneous;
-use law::law;
 use phase_grids::PhaseGrids;
 use placement::{between, placement};
 use request::name;
 use scale::median_depth;
+use transmittance_function::transmittance_function;
 
 use crate::error::{Error, Place};
 use crate::spec::Hint;
@@ -138,12 +138,13 @@ impl VolumeLoader {
             _ => self.albedo(request, &file, &path, info),
         }?;
         let phase = self.phase(request, &file, &path, info, &placement)?;
-        let law = law(spec, place)?;
-        if phase.flakes().is_some() && matches!(spec.emission, Some(EmissionSpec::Blackbody { .. }))
+        let function = transmittance_function(spec, place)?;
+        if phase.microflakes().is_some()
+            && matches!(spec.emission, Some(EmissionSpec::Blackbody { .. }))
         {
             return Err(Error::unsupported(
                 place("/emission"),
-                "black bodies made of flakes would glow by direction, which is not modelled",
+                "black bodies made of microflakes would glow by direction, which is not modelled",
                 "give the fire a volume of its own: media may overlap",
             ));
         }
@@ -169,7 +170,7 @@ impl VolumeLoader {
         let sigma_t = extinction.map(|e| (e * scale) as f32);
         let medium = Medium::from_grid(grid.clone(), index_to_world, sigma_t, albedo, phase)
             .map_err(|source| Error::medium(place(""), source))?
-            .with_transmittance_function(law);
+            .with_transmittance_function(function);
         let emission = match spec.emission.as_ref().or(fire.as_ref()) {
             None => None,
             Some(emission) => {
