@@ -4,9 +4,10 @@
 use glam::{DAffine3, DVec3, Vec3};
 use pileus_film::{Film, Filter, Image};
 use pileus_integrator::{Counters, RenderSettings, Renderer, Unmonitored};
+use pileus_media::emission::{EmissionField, EmissionSource};
 use pileus_media::{
-    Albedo, Bounds3, EmissionField, EmissionSource, ExactField, Interpolation, Medium, Phase,
-    Tally, VoxelGrid, VoxelGridOptions, transmittance_function,
+    Albedo, Bounds3, ExactField, Interpolation, Medium, Phase, Tally, VoxelGrid, VoxelGridOptions,
+    transmittance_function,
 };
 use pileus_scene::volume::DefaultScale;
 use pileus_scene::{
@@ -75,7 +76,7 @@ pub fn lumpy_grid(half: f64, sigma_t: [f32; 3], albedo: [f32; 3], phase: Phase) 
     grid_medium(&tree, Interpolation::Trilinear, index_to_world, sigma_t, albedo, phase)
 }
 
-/// The cube of [`cube_grid`] that gives off `color` per length.
+/// The cube of [`cube_grid`] that emits `color` per length.
 pub fn glowing_cube(half: f64, sigma_t: [f32; 3], albedo: [f32; 3], color: [f32; 3]) -> Volume {
     let tree = Tree::from_dense(0.0f32, [0; 3], [16; 3], &[1.0; 16 * 16 * 16]);
     let scale = DAffine3::from_scale(DVec3::splat(half / 8.0));

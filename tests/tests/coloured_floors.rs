@@ -19,7 +19,7 @@ use glam::{DAffine3, DVec3, Vec3};
 use pileus_film::Film;
 use pileus_integrator::{RenderSettings, Renderer, Unmonitored};
 use pileus_media::distance::DistanceSampler;
-use pileus_media::name_or_auto;
+use pileus_media::method::name_or_auto;
 use pileus_media::transmittance::Estimator;
 use pileus_media::{Interpolation, Medium, Phase};
 use pileus_scene::{Bsdf, Camera, EnvironmentImage, Light, Point, Scene, Spot};

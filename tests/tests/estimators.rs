@@ -377,8 +377,8 @@ fn cuts_keep_series_from_failing() {
     }
 }
 
-/// Jittered samples beat with a periodic field; a ray cut into intervals of unit majorant depth does not beat
-/// as a whole.
+/// Jittered samples beat with a periodic field; a ray cut into intervals of unit majorant depth
+/// does not beat as a whole.
 #[test]
 fn cuts_keep_combs_from_beating() {
     let case = case("comb_11");
@@ -398,8 +398,8 @@ fn cuts_keep_combs_from_beating() {
     assert!(cut < 0.01 * whole, "whole {whole}, cut {cut}");
 }
 
-/// Jittered samples on intervals of unit majorant depth are unbiased. Null hypothesis: the mean is exact, |z|
-/// < 5.
+/// Jittered samples on intervals of unit majorant depth are unbiased. Null hypothesis: the mean is
+/// exact, |z| < 5.
 #[test]
 fn combs_on_short_stretches_are_unbiased() {
     for name in ["ramp_down_4", "step_down", "atmosphere", "spike_on_floor"] {

@@ -4,7 +4,7 @@
 use glam::{DAffine3, DVec3, Vec3};
 use pileus_integrator::{Parameter, Plan, RenderSettings};
 use pileus_media::distance::DistanceSampler;
-use pileus_media::name_or_auto;
+use pileus_media::method::name_or_auto;
 use pileus_media::transmittance::Estimator;
 use pileus_media::transmittance_function::{
     Component, DavisWeinstein, Erlang, Linear, Mixture, Power, Table, TransmittanceFunction,

@@ -8,7 +8,7 @@ use pileus_lab::experiment::classed_rays;
 use pileus_lab::{Profile, ProfileCase};
 use pileus_media::Bounds3;
 use pileus_media::distance::{DistanceSampler, Flight, regular_flight_non_exponential};
-use pileus_media::name_or_auto;
+use pileus_media::method::name_or_auto;
 use pileus_media::phase::ISOTROPIC;
 use pileus_media::random::{exponential, uniform};
 use pileus_media::transmittance::{
@@ -641,7 +641,7 @@ fn an_asset_absorbs_by_its_transmittance_function() {
     });
 }
 
-/// A white medium in a closed box of area lights that give off what they absorb: radiance is one
+/// A white medium in a closed box of area lights that emit what they absorb: radiance is one
 /// everywhere. Shadow rays from surfaces and from particles, flights from both and their weights
 /// must agree.
 #[test]

@@ -6,7 +6,7 @@ use glam::{DVec3, Vec3};
 use pileus_film::Film;
 use pileus_integrator::{Plan, RenderSettings, Renderer, Unmonitored};
 use pileus_media::distance::DistanceSampler;
-use pileus_media::name_or_auto;
+use pileus_media::method::name_or_auto;
 use pileus_media::transmittance_function::{Erlang, Linear, Power, TransmittanceFunction};
 use pileus_media::{Medium, Phase};
 use pileus_scene::{Camera, Scene};

@@ -2,8 +2,9 @@
 
 use pileus_film::Filter;
 use pileus_media::distance::DistanceSampler;
+use pileus_media::majorant::MajorantStructure;
+use pileus_media::method::{Expectation, Named};
 use pileus_media::transmittance::Estimator;
-use pileus_media::{Expectation, MajorantStructure, Named};
 use std::ops::Range;
 
 /// Serialises a method as its name.

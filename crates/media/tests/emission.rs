@@ -4,11 +4,12 @@ mod common;
 
 use glam::{DAffine3, DVec3, Vec3};
 use pileus_media::Bounds3;
-use pileus_media::random::uniform;
-use pileus_media::{
-    Albedo, BlackbodyRadiance, ColorRamp, EmissionDirections, EmissionField, EmissionPoint,
-    EmissionSource, Interpolation, Tally, VoxelGrid, VoxelGridOptions, blackbody,
+use pileus_media::emission::{
+    BlackbodyRadiance, ColorRamp, EmissionDirections, EmissionField, EmissionPoint, EmissionSource,
+    blackbody,
 };
+use pileus_media::random::uniform;
+use pileus_media::{Albedo, Interpolation, Tally, VoxelGrid, VoxelGridOptions};
 use pileus_vdb::Tree;
 use rand_pcg::Pcg32;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
@@ -391,7 +392,7 @@ fn directions_follow_their_density() {
     }
 }
 
-/// Emission is per scene unit: a field twice as large gives off eight times the power and shines
+/// Emission is per scene unit: a field twice as large emits eight times the power and shines
 /// twice as bright along a line.
 #[test]
 fn emission_is_per_scene_unit() {
@@ -451,7 +452,7 @@ fn channels_and_ramps_at_voxels() {
     assert!(lit > 500, "{lit}");
 }
 
-/// Soot gives off what it absorbs: `sigma_a` times Planck's radiance at 1000 K per unit.
+/// Soot emits what it absorbs: `sigma_a` times Planck's radiance at 1000 K per unit.
 #[test]
 fn temperatures_are_in_real_units() {
     let (density, to_world) = fire("density");

@@ -3,6 +3,8 @@
 
 use glam::{DAffine3, DQuat, DVec3, Vec3};
 use pileus_media::distance::DistanceSampler;
+use pileus_media::emission::{EmissionField, EmissionSource};
+use pileus_media::majorant::MajorantStructure;
 use pileus_media::microflakes::{
     MicroflakeGrid, MicroflakeScattering, MicroflakeShape, Microflakes, Roughness,
 };
@@ -10,9 +12,8 @@ use pileus_media::phase::CosineGrid;
 use pileus_media::random::uniform;
 use pileus_media::transmittance::{Estimator, optical_depth};
 use pileus_media::{
-    Albedo, ChromaticRatio, ColorGrid, EmissionField, EmissionSource, ExactField, Grey,
-    Interpolation, MajorantStructure, Medium, Phase, RayField, Spectrum, Tally, VoxelGrid,
-    VoxelGridOptions,
+    Albedo, ChromaticRatio, ColorGrid, ExactField, Grey, Interpolation, Medium, Phase, RayField,
+    Spectrum, Tally, VoxelGrid, VoxelGridOptions,
 };
 use pileus_vdb::{Tile, Tree};
 use rand_pcg::Pcg32;

@@ -4,8 +4,9 @@ use std::path::PathBuf;
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand};
+use pileus_media::Interpolation;
+use pileus_media::method::Named;
 use pileus_media::transmittance::Estimator;
-use pileus_media::{Interpolation, Named};
 use pileus_scene::volume_spec::UpAxis;
 
 use crate::input::VdbOptions;

@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use glam::{DAffine3, DVec3};
 use pileus_math::Bounds3;
-use pileus_media::EmissionField;
+use pileus_media::emission::EmissionField;
 
 use crate::camera::Camera;
 use crate::error::{Error, Place};
@@ -303,7 +303,7 @@ fn load_volumes(
         }
         if volume.emission.as_ref().is_some_and(|emission| emission.bounds_world().is_none()) {
             notes.push(format!(
-                "volume `{}` gives off no light: its emission is zero everywhere",
+                "volume `{}` emits no light: its emission is zero everywhere",
                 volume.name
             ));
         }

@@ -3,10 +3,8 @@
 use crate::{floor, floor_scene};
 use glam::{DAffine3, DVec3, Vec3};
 use pileus_integrator::{LightSampling, RenderSettings};
-use pileus_media::{
-    Albedo, EmissionField, EmissionSource, Interpolation, Medium, Phase, VoxelGrid,
-    VoxelGridOptions,
-};
+use pileus_media::emission::{EmissionField, EmissionSource};
+use pileus_media::{Albedo, Interpolation, Medium, Phase, VoxelGrid, VoxelGridOptions};
 use pileus_scene::{Scene, Volume, VolumeSource};
 use pileus_tests::*;
 use pileus_vdb::Tree;

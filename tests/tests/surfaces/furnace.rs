@@ -81,7 +81,7 @@ fn glass_that_scatters_inside() {
     }
 }
 
-/// Everything at one temperature: bodies give off what they absorb (Kirchhoff), light is one
+/// Everything at one temperature: bodies emit what they absorb (Kirchhoff), light is one
 /// everywhere. Area lights, fire, media and surfaces at once, by shadow rays and paths, and by
 /// paths alone; grey and per channel.
 #[test]

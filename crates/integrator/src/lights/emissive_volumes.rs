@@ -7,8 +7,8 @@
 
 use glam::{DVec3, Vec3};
 use pileus_math::Bounds3;
+use pileus_media::emission::{EmissionDirections, EmissionView};
 use pileus_media::phase::ISOTROPIC;
-use pileus_media::{EmissionDirections, EmissionView};
 use pileus_scene::{Scene, Volume};
 use smallvec::SmallVec;
 use std::sync::Arc;
@@ -46,7 +46,7 @@ pub(crate) struct EmissionMixture {
 
 impl EmissiveVolume {
     /// An emissive volume seen through all volumes of a scene; `None` if nothing emits.
-    fn new(scene: &Scene, field: &pileus_media::EmissionField) -> Option<EmissiveVolume> {
+    fn new(scene: &Scene, field: &pileus_media::emission::EmissionField) -> Option<EmissiveVolume> {
         let Bounds3 { low, high } = field.bounds_world()?;
         // Somewhat more than the volume, as the tables are.
         let more = high - low;

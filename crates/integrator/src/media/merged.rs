@@ -667,7 +667,7 @@ impl<'a, C: ChannelMode> Media for Merged<'a, C> {
         rng: &mut R,
     ) -> (PhaseAt<'_>, Vec3) {
         let medium = &*self.media[collision.medium];
-        let phase = match medium.phase().plain() {
+        let phase = match medium.phase().hg_or_isotropic() {
             Some(phase) => phase,
             None => other_phase(medium, p_world, incoming, rng),
         };

@@ -5,10 +5,9 @@ use super::channels::{ChannelMode, FlightUnderWay};
 use super::collisions::OneMedium;
 use super::{Collision, FlightEnd, Media, Ray, RaySegment, Shadow};
 use glam::{DVec3, Vec3};
+use pileus_media::kernel::{GridShape, Voxel};
 use pileus_media::transmittance::ratio_tracking_with_roulette;
-use pileus_media::{
-    ChromaticRatio, Grey, GridShape, Medium, PhaseAt, Tally, TentativeCollisions, Voxel,
-};
+use pileus_media::{ChromaticRatio, Grey, Medium, PhaseAt, Tally, TentativeCollisions};
 use rand_core::Rng;
 use std::marker::PhantomData;
 
@@ -29,7 +28,7 @@ pub(crate) struct IsotropicOrHenyeyGreenstein;
 impl PhaseAxis for IsotropicOrHenyeyGreenstein {
     #[inline(always)]
     fn at<'a, R: Rng + Clone>(medium: &'a Medium, _: DVec3, _: Vec3, _: &mut R) -> PhaseAt<'a> {
-        medium.phase().plain().unwrap_or(PhaseAt::Isotropic)
+        medium.phase().hg_or_isotropic().unwrap_or(PhaseAt::Isotropic)
     }
 }
 

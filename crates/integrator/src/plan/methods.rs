@@ -8,8 +8,8 @@ use crate::lights::Lights;
 use crate::media::{Methods, flies_by_depth};
 use crate::settings::RenderSettings;
 use pileus_media::distance::DistanceSampler;
+use pileus_media::method::{Transmittances, Work};
 use pileus_media::transmittance::Estimator;
-use pileus_media::{Transmittances, Work};
 use pileus_scene::{Scene, Volume};
 
 /// Mean optical depth of the media below which points seen by point-like lights at equal angles pay
@@ -134,7 +134,7 @@ pub(super) fn check_transmittance_functions(
         ));
         if volume.emission.is_some() {
             reasons.push(format!(
-                "the light that volume `{name}` gives off is taken as uncorrelated with its particles"
+                "the light that volume `{name}` emits is taken as uncorrelated with its particles"
             ));
         }
     }

@@ -20,9 +20,11 @@ use crate::lights::Lights;
 use crate::media::Methods;
 use crate::settings::{RenderSettings, by_name};
 use media::{DENSE, densest, describe};
+use pileus_media::Medium;
 use pileus_media::distance::DistanceSampler;
+use pileus_media::majorant::MajorantStructure;
+use pileus_media::method::Expectation;
 use pileus_media::transmittance::Estimator;
-use pileus_media::{Expectation, MajorantStructure, Medium};
 use pileus_scene::{Light, Scene, Surfaces};
 use serde::Serialize;
 
@@ -80,7 +82,7 @@ struct Facts {
     /// Whether extinction is the same in all channels of every volume.
     grey: bool,
     /// Whether all phase functions are isotropic or Henyey-Greenstein, the same everywhere.
-    plain_phase: bool,
+    hg_or_isotropic: bool,
     wide: bool,
     /// Whether walks by tentative collisions would be very long.
     dense: bool,
@@ -103,7 +105,7 @@ impl Facts {
             volumes,
             one_grid: volumes == 1 && grid && !microflakes && !non_exponential,
             grey: media().all(Medium::is_grey),
-            plain_phase: media().all(|medium| medium.phase().plain().is_some()),
+            hg_or_isotropic: media().all(|medium| medium.phase().hg_or_isotropic().is_some()),
             wide: media().any(wide),
             dense: densest(scene, settings).is_some_and(|(depth, _)| depth > DENSE),
             microflakes,
@@ -138,7 +140,7 @@ impl Facts {
             events,
             channels,
             world: if surfaces { World::VolumesAndSurfaces } else { World::Volumes },
-            phase: if self.plain_phase && events == Events::OneGrid {
+            phase: if self.hg_or_isotropic && events == Events::OneGrid {
                 PhaseFunctions::IsotropicOrHenyeyGreenstein
             } else {
                 PhaseFunctions::Any

@@ -7,7 +7,8 @@ use crate::error::{Error, Parameter, Remedy};
 use crate::settings::{DEFAULT_MAX_EVENTS, RenderSettings};
 use glam::{DVec3, Vec3};
 use pileus_math::Bounds3;
-use pileus_media::{GridShape, Medium, Shape};
+use pileus_media::Medium;
+use pileus_media::kernel::{GridShape, Shape};
 use pileus_scene::{Light, Scene, Surfaces, Volume};
 use rand_pcg::Pcg32;
 

@@ -15,10 +15,9 @@ use crate::media::{Media, MediaIndex, Ray};
 use crate::renderer::Renderer;
 use crate::sampler::PathSampler;
 use glam::{DVec3, Vec3};
+use pileus_media::majorant::{MajorantStructure, StructureCost};
 use pileus_media::transmittance::ratio_tracking_with_roulette;
-use pileus_media::{
-    ChromaticRatio, MajorantStructure, Medium, RayField, StructureCost, Tally, TentativeCollisions,
-};
+use pileus_media::{ChromaticRatio, Medium, RayField, Tally, TentativeCollisions};
 use pileus_scene::Scene;
 use rand_pcg::Pcg32;
 use rayon::prelude::*;

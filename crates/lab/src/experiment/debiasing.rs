@@ -250,9 +250,9 @@ pub fn chart_debiasing() -> Result<Chart, Error> {
 mod tests {
     use super::*;
 
-    /// Where ends do not match and at edges jittered samples converge at first order, so that mean squares of
-    /// differences fall by four powers of two a level; a spike's do so later, and faster. A choice
-    /// of levels is judged by that.
+    /// Where ends do not match and at edges jittered samples converge at first order, so that mean
+    /// squares of differences fall by four powers of two a level; a spike's do so later, and
+    /// faster. A choice of levels is judged by that.
     #[test]
     fn decay_tells_finite_variance_from_infinite() {
         let function = functions().unwrap().remove(0).1;

@@ -5,8 +5,8 @@ use crate::chart::{Axis, Cell, Chart, Plot, Provenance, Series, Table};
 use pileus_film::Film;
 use pileus_integrator::{Counters, RecordedRays, RenderSettings, Renderer, Unmonitored};
 use pileus_media::distance::DistanceSampler;
+use pileus_media::majorant::{MajorantStructure, StructureCost};
 use pileus_media::transmittance::Estimator;
-use pileus_media::{MajorantStructure, StructureCost};
 use pileus_scene::Scene;
 use std::time::Instant;
 

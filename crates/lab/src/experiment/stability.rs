@@ -10,6 +10,7 @@ use glam::{DVec3, Vec3};
 use pileus_film::{Film, Filter};
 use pileus_integrator::{RenderSettings, Renderer, Unmonitored};
 use pileus_media::distance::{DistanceSampler, Flight};
+use pileus_media::method::Facts;
 use pileus_media::transmittance::{
     DebiasingSeries, Estimator, debiased_non_exponential, exact_non_exponential,
 };
@@ -17,7 +18,7 @@ use pileus_media::transmittance_function::{
     Passage, Power, StartCorrelation, TransmittanceFunction,
 };
 use pileus_media::{
-    Channels, ChromaticRatio, ExactField, Facts, Grey, Scaled, Spectrum, Tally, optical_depth,
+    Channels, ChromaticRatio, ExactField, Grey, Scaled, Spectrum, Tally, optical_depth,
 };
 use pileus_scene::Scene;
 use rand_pcg::Pcg32;

@@ -4,11 +4,12 @@ use super::measure::Samples;
 use super::rays::{LabRay, RayClass};
 use crate::chart::{Axis, Cell, Chart, Plot, Provenance, Series, Table};
 use crate::profile::ProfileCase;
+use pileus_media::kernel::{GridShape, Voxel, VoxelKernel};
 use pileus_media::transmittance::{
     Control, DEBIASED_SAMPLES, Estimator, debiased_ray_marching, residual_ratio_tracking,
     unbiased_ray_marching,
 };
-use pileus_media::{ExactField, Grey, GridShape, Medium, Span, Tally, Voxel, VoxelKernel};
+use pileus_media::{ExactField, Grey, Medium, Span, Tally};
 use rand_pcg::Pcg32;
 use std::time::Instant;
 

@@ -10,7 +10,7 @@ use pileus_math::random::uniform;
 use rand_core::Rng;
 
 /// Steps along a whole ray.
-pub const MARCHING_STEPS: u32 = 64;
+pub(crate) const MARCHING_STEPS: u32 = 64;
 
 /// A **biased** flight: the extinction is taken for constant in each of `steps` equal parts of the
 /// ray's segments, at the value of one random point, the same in all parts.

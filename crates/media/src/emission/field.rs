@@ -39,7 +39,7 @@ pub struct EmissionField {
 pub struct EmissionPoint {
     /// World distance from the ray's origin.
     pub t: f64,
-    /// Where, in the world.
+    /// The point, in the world.
     pub p: DVec3,
     /// Emission over rate, radiance: its sum over all points estimates the line integral of the
     /// emission.
@@ -202,12 +202,12 @@ impl EmissionField {
         if self.lattice.is_empty() { None } else { self.bounds.bounds_world() }
     }
 
-    /// Where the emission comes from.
+    /// The source that the emission is looked up in.
     pub fn source(&self) -> &EmissionSource {
         &self.source
     }
 
-    /// What building it took.
+    /// What building the field took.
     pub fn report(&self) -> &EmissionReport {
         &self.report
     }

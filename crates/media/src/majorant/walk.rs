@@ -13,14 +13,14 @@ use glam::{DVec3, Vec3, Vec3A};
 const PARALLEL: f32 = 1e-18;
 
 /// What a ray's positions are counted from: a corner of a brick, local voxels.
-pub trait Corner: Copy + std::fmt::Debug {
+pub(crate) trait Corner: Copy + std::fmt::Debug {
     /// The voxel of the corner, in local voxels.
     fn voxel(self) -> [i32; 3];
 }
 
 /// The grid's lowest corner: no offset at all.
 #[derive(Debug, Clone, Copy)]
-pub struct Lowest;
+pub(crate) struct Lowest;
 
 impl Corner for Lowest {
     #[inline(always)]
@@ -52,7 +52,7 @@ pub(crate) struct Line {
 /// the axis it leaves through, so that the walk ends for every ray, also along faces and through
 /// corners.
 #[derive(Debug, Clone)]
-pub struct GridRay<'a, V, P = Adaptive<'a>, C = Lowest> {
+pub(crate) struct GridRay<'a, V, P = Adaptive<'a>, C = Lowest> {
     view: GridView<'a, V>,
     partition: P,
     /// What positions are counted from; cells and voxels are not.

@@ -7,9 +7,12 @@ mod optics;
 mod placed_grid;
 mod span;
 
-pub use any_ray::{AnyGridRay, AnyRay};
+pub(crate) use any_ray::AnyGridRay;
+pub use any_ray::AnyRay;
+use any_ray::RayKind;
 pub use grid::{GridShape, VoxelKernel};
-pub use homogeneous::{BoxShape, HomogeneousRay};
+pub use homogeneous::BoxShape;
+use homogeneous::HomogeneousRay;
 pub use optics::{Albedo, Optics};
 pub(crate) use placed_grid::PlacedGrid;
 pub use span::Span;
@@ -95,7 +98,7 @@ impl Medium {
         Ok(Medium { shape: Shape::Box(shape), optics })
     }
 
-    /// This medium under another transmittance function; `None` is the exponential one.
+    /// The medium with another transmittance function; `None` is the exponential one.
     pub fn with_transmittance_function(
         self,
         function: Option<Arc<TransmittanceFunction>>,
@@ -123,7 +126,7 @@ impl Medium {
         Ok(Medium { shape, optics: self.optics.clone() })
     }
 
-    /// Where there is extinction.
+    /// Where the medium has extinction, and how much.
     #[inline(always)]
     pub fn shape(&self) -> &Shape {
         &self.shape
@@ -273,30 +276,22 @@ impl Medium {
     /// on cells that suit the factor.
     #[inline]
     pub fn any_ray(&self, span: &Span, factor: f32) -> AnyRay<'_> {
-        match (&self.shape, self.phase().microflakes()) {
-            (Shape::Grid(grid), None) => AnyRay::Grid(grid.any_ray(span, factor)),
-            (Shape::Box(shape), None) => AnyRay::Box(shape.ray(span, factor)),
+        AnyRay(match (&self.shape, self.phase().microflakes()) {
+            (Shape::Grid(grid), None) => RayKind::Grid(grid.any_ray(span, factor)),
+            (Shape::Box(shape), None) => RayKind::Box(shape.ray(span, factor)),
             (Shape::Grid(grid), Some(microflakes)) => {
                 let index = [span.line.p + grid.local_to_index(), span.line.d];
                 let density = grid.any_ray(span, factor);
-                AnyRay::GridOfMicroflakes(MicroflakeRay::new(
-                    density,
-                    microflakes,
-                    span.direction,
-                    index,
-                ))
+                let ray = MicroflakeRay::new(density, microflakes, span.direction, index);
+                RayKind::GridOfMicroflakes(ray)
             }
             (Shape::Box(shape), Some(microflakes)) => {
                 let index = [span.line.p, span.line.d];
                 let density = shape.ray(span, factor);
-                AnyRay::BoxOfMicroflakes(MicroflakeRay::new(
-                    density,
-                    microflakes,
-                    span.direction,
-                    index,
-                ))
+                let ray = MicroflakeRay::new(density, microflakes, span.direction, index);
+                RayKind::BoxOfMicroflakes(ray)
             }
-        }
+        })
     }
 
     /// Calls `kernel` with the extinction along a span, times `factor`, which is positive and may

@@ -38,8 +38,8 @@ pub enum Roughness {
 }
 
 impl Roughness {
-    /// From a tree of numbers; `to_index` maps the index space of the medium that asks to that of
-    /// this tree.
+    /// Roughness by a tree of numbers; `to_index` maps the index space of the medium that asks to
+    /// that of this tree.
     ///
     /// # Errors
     /// If the tree spans more than 2^31 voxels along an axis.
@@ -79,8 +79,8 @@ pub struct MicroflakeGrid {
 }
 
 impl MicroflakeGrid {
-    /// From grids of the entries (xx, yy, zz) and (xy, xz, yz) of S. Where the diagonal is zero,
-    /// also outside of the grids, microflakes are isotropic with area 1.
+    /// Microflakes by grids of the entries (xx, yy, zz) and (xy, xz, yz) of S. Where the diagonal
+    /// is zero, also outside of the grids, microflakes are isotropic with area 1.
     ///
     /// # Errors
     /// If a matrix has an eigenvalue below zero, or an entry is not finite; the message names the
@@ -205,7 +205,7 @@ impl MicroflakeGrid {
         s.unwrap_or(Sggx::ISOTROPIC)
     }
 
-    /// No microflakes of the grid show more area than this to any direction.
+    /// Bound of the projected area over all microflakes of the grid and all directions.
     pub fn largest_area(&self) -> f32 {
         self.largest_area
     }

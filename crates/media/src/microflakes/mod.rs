@@ -13,7 +13,7 @@ mod sggx;
 mod tests;
 
 pub use grid::{MicroflakeGrid, Roughness};
-pub use ray::MicroflakeRay;
+pub(crate) use ray::MicroflakeRay;
 pub use sggx::{MIN_ROUGHNESS, Sggx};
 
 use crate::phase::PhaseAt;
@@ -50,7 +50,8 @@ pub struct Microflakes {
 }
 
 impl Microflakes {
-    /// `placement` turns the volume's space into the world; its scale is left out.
+    /// Microflakes of a shape, placed: `placement` turns the volume's space into the world; its
+    /// scale is left out.
     pub fn new(
         shape: MicroflakeShape,
         scattering: MicroflakeScattering,

@@ -7,7 +7,7 @@ use glam::{DVec3, Vec3};
 
 /// The ray field of a medium's density, times what its microflakes show to the ray.
 #[derive(Debug, Clone)]
-pub struct MicroflakeRay<'a, F> {
+pub(crate) struct MicroflakeRay<'a, F> {
     density: F,
     /// Bound of the factor along the ray.
     bound: f32,
@@ -19,7 +19,7 @@ pub struct MicroflakeRay<'a, F> {
 impl<'a, F: RayField> MicroflakeRay<'a, F> {
     /// `index`: where the ray starts and its direction per world unit, in the medium's index space;
     /// needed for microflakes by grid alone.
-    pub fn new(
+    pub(crate) fn new(
         density: F,
         microflakes: &'a Microflakes,
         direction: Vec3,

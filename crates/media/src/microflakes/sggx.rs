@@ -26,9 +26,9 @@ impl Sggx {
     /// Microflakes that look in all directions alike.
     pub const ISOTROPIC: Sggx = Sggx { diagonal: [1.0; 3], off_diagonal: [0.0; 3] };
 
-    /// From the entries xx, yy, zz and xy, xz, yz. Eigenvalues below a millionth of the largest are
-    /// lifted to it. `None` if an entry is not finite, an eigenvalue is below zero by more than
-    /// rounding, or all are zero.
+    /// The matrix of the entries xx, yy, zz and xy, xz, yz. Eigenvalues below a millionth of the
+    /// largest are lifted to it. `None` if an entry is not finite, an eigenvalue is below zero by
+    /// more than rounding, or all are zero.
     pub fn new(diagonal: [f32; 3], off_diagonal: [f32; 3]) -> Option<Sggx> {
         let s = Sggx { diagonal, off_diagonal };
         let [low, _, high] = s.eigenvalues()?;
@@ -77,7 +77,7 @@ impl Sggx {
         DMat3::from_cols(DVec3::new(xx, xy, xz), DVec3::new(xy, yy, yz), DVec3::new(xz, yz, zz))
     }
 
-    /// These microflakes turned by a rotation.
+    /// The distribution turned by a rotation.
     pub fn turned(&self, rotation: &Mat3) -> Sggx {
         let r = rotation.as_dmat3();
         Sggx::of(r * self.matrix() * r.transpose())
@@ -85,7 +85,7 @@ impl Sggx {
 
     /// Eigenvalues, ascending; `None` if an entry is not finite. Closed form for symmetric matrices
     /// [Smith 1961].
-    pub fn eigenvalues(&self) -> Option<[f64; 3]> {
+    pub(crate) fn eigenvalues(&self) -> Option<[f64; 3]> {
         let s = self.matrix();
         let mean = (s.x_axis.x + s.y_axis.y + s.z_axis.z) / 3.0;
         let b = s - DMat3::IDENTITY * mean;

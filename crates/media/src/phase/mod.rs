@@ -15,13 +15,13 @@ mod tabulated;
 #[cfg(test)]
 mod tests;
 
-pub use cosine::Cosine;
+pub(crate) use cosine::Cosine;
 pub use cosine_grid::CosineGrid;
-pub use draine::{Draine, MAX_ALPHA};
+pub use draine::Draine;
 pub use henyey_greenstein::MAX_G;
-pub use lobe::{Lobe, MAX_LOBES, Mixture};
-pub use mie_fit::{MAX_DIAMETER, MIN_DIAMETER, MieFit};
-pub use tabulated::{MAX_ROWS, Tabulated};
+pub use lobe::{Lobe, Mixture};
+pub use mie_fit::MieFit;
+pub use tabulated::Tabulated;
 
 use crate::microflakes::{Microflakes, Sggx};
 use glam::{DVec3, Vec3};
@@ -75,7 +75,7 @@ impl Phase {
     /// The phase function if it is the same everywhere and one of those that paths hold in their
     /// own code.
     #[inline(always)]
-    pub fn plain(&self) -> Option<PhaseAt<'static>> {
+    pub fn hg_or_isotropic(&self) -> Option<PhaseAt<'static>> {
         match self {
             Phase::Isotropic => Some(PhaseAt::Isotropic),
             Phase::HenyeyGreenstein { g } => Some(PhaseAt::HenyeyGreenstein { g: *g }),
@@ -200,7 +200,7 @@ fn eval_other(phase: PhaseAt<'_>, incoming: Vec3, wi: Vec3) -> f32 {
         PhaseAt::Mixture(mixture) => mixture.eval(Cosine::between(incoming, wi)),
         PhaseAt::Microflakes(s) => s.specular(incoming, wi),
         PhaseAt::Microflake { normal } => normal.dot(wi).max(0.0) * FRAC_1_PI,
-        plain => plain.eval(incoming, wi),
+        other => other.eval(incoming, wi),
     }
 }
 
@@ -217,6 +217,6 @@ fn sample_other(phase: PhaseAt<'_>, incoming: Vec3, u: [f32; 2]) -> (Vec3, f32) 
             let wi = around(normal, ((1.0 - u[0]).sqrt(), u[0].sqrt()), u[1]);
             (wi, normal.dot(wi).max(0.0) * FRAC_1_PI)
         }
-        plain => plain.sample(incoming, u),
+        other => other.sample(incoming, u),
     }
 }

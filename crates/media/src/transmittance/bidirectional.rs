@@ -12,7 +12,7 @@ use rand_core::Rng;
 use smallvec::SmallVec;
 
 /// Majorant depth of an interval: pairs of vertices grow with its square.
-pub const BIDIRECTIONAL_INTERVAL_DEPTH: f32 = 8.0;
+pub(crate) const BIDIRECTIONAL_INTERVAL_DEPTH: f32 = 8.0;
 
 /// A vertex of a walk from one end.
 #[derive(Debug, Clone, Copy)]
@@ -61,7 +61,7 @@ fn walk<F: RayField, C: Channels, R: Rng + ?Sized>(
 /// the value `product of null ratios / sum of exp(gap)` over the gaps between neighbours. All pairs
 /// are used. After the bidirectional view of Georgiev et al. 2019; the closed form of the weights
 /// is ours.
-pub fn bidirectional<F: RayField, C: Channels, R: Rng + ?Sized>(
+pub(crate) fn bidirectional<F: RayField, C: Channels, R: Rng + ?Sized>(
     field: F,
     channels: C,
     interval: f32,

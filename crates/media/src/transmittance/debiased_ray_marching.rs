@@ -20,8 +20,8 @@ pub(super) const CONTINUATION_PROBABILITY: f32 = 0.353_553_4;
 /// An unbiased estimate of the transmittance, which may exceed one or be negative; without variance
 /// for constant extinction.
 ///
-/// Level `j` is `exp(-depth)` by `samples * 2^j` jittered samples. The coarsest is returned with one
-/// difference of neighbouring levels, over the probability of that level. The levels of a
+/// Level `j` is `exp(-depth)` by `samples * 2^j` jittered samples. The coarsest is returned with
+/// one difference of neighbouring levels, over the probability of that level. The levels of a
 /// difference share their points: the even and the odd samples of the finer one are the two coarse
 /// ones, so that the difference is of second order. Mean lookups: 5.4 `samples`. Infinite variance
 /// is possible where differences shrink by less than `2^(-3/2)` in the square.

@@ -20,25 +20,28 @@ use crate::collisions::TentativeCollisions;
 use crate::field::ExactField;
 use crate::method::methods;
 use crate::tally::Tally;
+use bidirectional::{BIDIRECTIONAL_INTERVAL_DEPTH, bidirectional};
+use delta::delta_transmittance;
+use next_flight::next_flight;
+use pseries::{PSERIES_INTERVAL_DEPTH, pseries_cmf, pseries_cumulative};
 use rand_core::Rng;
+use ray_marching::MARCHING_SAMPLES;
 use regular::regular_tracking;
+use taylor::TAYLOR_INTERVAL_DEPTH;
+use volterra::VOLTERRA_INTERVAL_DEPTH;
 
-pub use bidirectional::{BIDIRECTIONAL_INTERVAL_DEPTH, bidirectional};
 pub use debiased_ray_marching::{DEBIASED_SAMPLES, debiased_ray_marching};
-pub use delta::delta_transmittance;
-pub use next_flight::next_flight;
 pub use non_exponential::{
     DebiasingSeries, debiased_non_exponential, debiasing_difference, exact_non_exponential,
 };
-pub use pseries::{PSERIES_INTERVAL_DEPTH, pseries_cmf, pseries_cumulative};
 pub use ratio::{RatioEstimate, ratio_tracking, ratio_tracking_with_roulette};
-pub use ray_marching::{MARCHING_SAMPLES, ray_marching};
+pub use ray_marching::ray_marching;
 pub use regular::optical_depth;
 pub(crate) use regular::{ray_depth, ray_t_at_depth};
 pub use residual_ratio::{Control, residual_ratio_tracking};
-pub use taylor::{TAYLOR_INTERVAL_DEPTH, TaylorOrder, taylor};
+pub use taylor::{TaylorOrder, taylor};
 pub use unbiased_ray_marching::unbiased_ray_marching;
-pub use volterra::{VOLTERRA_INTERVAL_DEPTH, volterra};
+pub use volterra::volterra;
 
 methods! {
     /// A way to estimate the transmittance of a ray. Grey or per channel: one walk, one set of

@@ -58,7 +58,8 @@ impl Default for DebiasingSeries {
 }
 
 impl DebiasingSeries {
-    /// Eight samples, and levels `j` of a probability in proportion to `2^(-exponent j)`.
+    /// A series from eight samples on whose levels `j` have probabilities in proportion to
+    /// `2^(-exponent j)`.
     pub fn with_exponent(exponent: f64) -> DebiasingSeries {
         let continuation_probability = exp(-exponent * std::f64::consts::LN_2) as f32;
         DebiasingSeries { continuation_probability, ..DebiasingSeries::default() }

@@ -11,7 +11,7 @@ use rand_core::Rng;
 
 /// Largest majorant depth of an interval: `exp(-depth)` times a sum of size `exp(depth)` stays
 /// accurate in single precision.
-pub const PSERIES_INTERVAL_DEPTH: f32 = 16.0;
+pub(crate) const PSERIES_INTERVAL_DEPTH: f32 = 16.0;
 
 /// Share of the series, as a Poisson law of the majorant depth, that [`pseries_cmf`] sums without
 /// roulette [Georgiev et al. 2019].
@@ -36,7 +36,7 @@ fn factor<F: RayField, C: Channels, R: Rng + ?Sized>(
 /// times `depth^k / k!`. All orders which hold 99 % of a Poisson law of the majorant depth are
 /// certain, later ones go on with the ratio of neighbouring terms. About
 /// `depth + 2.3 sqrt(depth) + 1` lookups per interval.
-pub fn pseries_cmf<F: RayField, C: Channels, R: Rng + ?Sized>(
+pub(crate) fn pseries_cmf<F: RayField, C: Channels, R: Rng + ?Sized>(
     field: F,
     channels: C,
     interval: f32,
@@ -82,7 +82,7 @@ pub fn pseries_cmf<F: RayField, C: Channels, R: Rng + ?Sized>(
 /// The power series of [`pseries_cmf`], whose next term is taken with the probability of its own
 /// size, so that lookups go where terms are large. An early term that happens to be small ends the
 /// series: the rare others then carry the rest.
-pub fn pseries_cumulative<F: RayField, C: Channels, R: Rng + ?Sized>(
+pub(crate) fn pseries_cumulative<F: RayField, C: Channels, R: Rng + ?Sized>(
     field: F,
     channels: C,
     interval: f32,

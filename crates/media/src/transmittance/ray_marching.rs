@@ -10,7 +10,7 @@ use pileus_math::random::uniform;
 use rand_core::Rng;
 
 /// Samples along a ray.
-pub const MARCHING_SAMPLES: u32 = 64;
+pub(crate) const MARCHING_SAMPLES: u32 = 64;
 
 /// A **biased** estimate of the transmittance: `exp(-depth)` of an unbiased depth by `samples`
 /// equidistant samples with one random offset.

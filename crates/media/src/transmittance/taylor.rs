@@ -10,9 +10,9 @@ use pileus_math::random::{exponential, happens, uniform};
 use rand_core::Rng;
 
 /// Majorant depth of an interval: the series about zero is useless for deep ones.
-pub const TAYLOR_INTERVAL_DEPTH: f32 = 1.0;
+pub(crate) const TAYLOR_INTERVAL_DEPTH: f32 = 1.0;
 
-/// The law of the order of the last term.
+/// How the order of the last term is drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum TaylorOrder {
     /// Poisson of this mean; the term of that order alone is returned, divided by its probability.

@@ -1,5 +1,5 @@
-//! Unbiased ray marching [Kettunen et al. 2021]: jittered equidistant samples, a pivot, and rare higher orders as
-//! symmetric means.
+//! Unbiased ray marching [Kettunen et al. 2021]: jittered equidistant samples, a pivot, and rare
+//! higher orders as symmetric means.
 
 use super::jittered_samples::jittered_depth;
 use crate::channels::Channels;

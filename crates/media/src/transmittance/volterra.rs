@@ -10,7 +10,7 @@ use rand_core::Rng;
 
 /// Majorant depth of an interval. The terms alternate and grow like `depth^k / k!`: deeper
 /// intervals lose all accuracy to cancellation.
-pub const VOLTERRA_INTERVAL_DEPTH: f32 = 1.0;
+pub(crate) const VOLTERRA_INTERVAL_DEPTH: f32 = 1.0;
 
 /// An unbiased, signed estimate of the transmittance.
 ///

@@ -7,7 +7,7 @@ use libm::exp;
 use std::fmt;
 
 /// Most stages of an Erlang transmittance.
-pub const MAX_STAGES: u32 = 64;
+pub(crate) const MAX_STAGES: u32 = 64;
 
 /// Depths between collisions are the sum of `n` exponential stages of mean `1 / n`: a gamma
 /// distribution of shape `n` [d'Eon 2018, section 3].

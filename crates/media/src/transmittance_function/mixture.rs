@@ -96,7 +96,7 @@ impl Mixture {
         Ok(Mixture { components, correlated, mean_free_path: 1.0 / slope })
     }
 
-    /// The transmittance functions; weights add up to one.
+    /// The components of the mixture; weights add up to one.
     pub fn components(&self) -> &[Component] {
         &self.components
     }

@@ -25,11 +25,11 @@ mod power;
 mod table;
 
 pub use davis_weinstein::DavisWeinstein;
-pub use erlang::{Erlang, MAX_STAGES};
+pub use erlang::Erlang;
 pub use linear::Linear;
 pub use mixture::{Component, Mixture};
 pub use power::Power;
-pub use table::{MAX_ROWS, Table};
+pub use table::Table;
 
 use rand_core::Rng;
 use std::fmt;
@@ -45,7 +45,7 @@ pub enum StartCorrelation {
 }
 
 impl StartCorrelation {
-    /// Both.
+    /// Both ways to start.
     pub const ALL: [StartCorrelation; 2] =
         [StartCorrelation::Uncorrelated, StartCorrelation::Correlated];
 }
@@ -55,13 +55,13 @@ impl StartCorrelation {
 pub enum TransmittanceFunction {
     /// `(1 + tau / k)^-k`.
     Power(Power),
-    /// Of Davis and Mineev-Weinstein.
+    /// Gamma-distributed optical depth of Davis and Mineev-Weinstein.
     DavisWeinstein(DavisWeinstein),
     /// Particles that keep apart.
     Erlang(Erlang),
     /// `max(0, 1 - tau)`.
     Linear(Linear),
-    /// From pairs of numbers.
+    /// A spline through pairs of numbers.
     Table(Table),
     /// A convex combination of others.
     Mixture(Mixture),
@@ -151,27 +151,32 @@ pub struct Passage<'a> {
 }
 
 impl Passage<'_> {
+    /// Probability of passing the optical depth `tau` from this start without a collision, see
     /// [`TransmittanceFunction::survival`].
     pub fn survival(self, tau: f64) -> f64 {
         self.function.survival(self.start, tau)
     }
 
+    /// Density of a collision at the optical depth `tau` from this start, per unit of it, see
     /// [`TransmittanceFunction::density`].
     pub fn density(self, tau: f64) -> f64 {
         self.function.density(self.start, tau)
     }
 
-    /// [`TransmittanceFunction::depth`].
+    /// The optical depth that a flight from this start reaches for an exponential variate `drawn`,
+    /// see [`TransmittanceFunction::depth`].
     pub fn depth(self, drawn: f64) -> f64 {
         self.function.depth(self.start, drawn)
     }
 
-    /// [`TransmittanceFunction::has_atom`].
+    /// Whether collisions from this start happen at some optical depth with positive probability,
+    /// see [`TransmittanceFunction::has_atom`].
     pub fn has_atom(self) -> bool {
         self.function.has_atom(self.start)
     }
 
-    /// [`TransmittanceFunction::rate`].
+    /// The rate of one of the exponentials that the function is a mixture of, drawn for this start,
+    /// see [`TransmittanceFunction::rate`].
     pub fn rate<R: Rng + ?Sized>(self, rng: &mut R) -> Option<f32> {
         self.function.rate(self.start, rng)
     }

@@ -6,7 +6,7 @@ use libm::exp;
 use std::fmt;
 
 /// Most rows of a table.
-pub const MAX_ROWS: usize = 65_536;
+pub(crate) const MAX_ROWS: usize = 65_536;
 
 /// Relative excess of a slope over the next that counts as rounding.
 const ROUNDING: f64 = 1e-6;
@@ -36,7 +36,7 @@ impl Table {
     /// The transmittance function through points of optical depth and transmittance.
     ///
     /// # Errors
-    /// If there are fewer than two points or more than [`MAX_ROWS`], if depths do not ascend from
+    /// If there are fewer than two points or more than 65,536, if depths do not ascend from
     /// 0, or if transmittances do not start at 1, fall to at least 0 and do so in a convex curve.
     /// The row, from 1, is named.
     pub fn new(points: &[[f64; 2]]) -> Result<Table, Error> {

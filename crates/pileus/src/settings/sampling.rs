@@ -2,7 +2,7 @@
 
 use pileus_film::Filter;
 use pileus_integrator::RenderSettings;
-use pileus_media::MajorantStructure;
+use pileus_media::majorant::MajorantStructure;
 
 use super::places::Places;
 use crate::failure::Failure;

@@ -9,7 +9,8 @@ use super::option::{above, at_least, at_most, below, pattern};
 use super::phase_spec::PhaseSpec;
 use super::{volume_rules as rules, whole};
 use crate::options;
-use pileus_media::{Interpolation, Named};
+use pileus_media::Interpolation;
+use pileus_media::method::Named;
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::{self, MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -45,7 +46,7 @@ options! {
         /// A weighted sum of transmittance functions instead of `law`.
         #[schemars(extend("minItems" = 1, "maxItems" = 64))]
         law_mixture: Vec<MixtureComponentSpec>;
-        /// Light that the volume gives off.
+        /// Light that the volume emits.
         emission: EmissionSpec;
         /// How values between voxels are formed.
         interpolation: ByName<Interpolation> = ByName(Interpolation::Trilinear);
@@ -188,7 +189,7 @@ impl VolumeSpec {
     }
 }
 
-/// Light that a volume gives off, as radiance per scene unit along a ray; scaling the volume makes
+/// Light that a volume emits, as radiance per scene unit along a ray; scaling the volume makes
 /// it larger, and thereby brighter.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "type", rename_all = "snake_case", deny_unknown_fields)]

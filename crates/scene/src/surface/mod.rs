@@ -20,7 +20,7 @@ pub mod triangle;
 
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 use pileus_math::Bounds3;
-use pileus_media::Named;
+use pileus_media::method::Named;
 use rand_core::Rng;
 
 pub use emitter::EmissiveTriangle;

@@ -5,10 +5,10 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use glam::DAffine3;
-use pileus_media::{
-    BlackbodyRadiance, ColorRamp, EmissionField, EmissionSource, HOTTEST_KELVIN, Interpolation,
-    Medium, VoxelGrid,
+use pileus_media::emission::{
+    BlackbodyRadiance, ColorRamp, EmissionField, EmissionSource, HOTTEST_KELVIN,
 };
+use pileus_media::{Interpolation, Medium, VoxelGrid};
 use pileus_vdb::{GridClass, GridInfo, ValueType, VdbFile};
 
 use super::VolumeLoader;
