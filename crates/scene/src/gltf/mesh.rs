@@ -7,9 +7,9 @@ use gltf::json;
 use gltf::json::mesh::{Mode, Semantic};
 use gltf::json::validation::Checked;
 
-use super::GltfScene;
 use super::accessor::{Accessors, Use};
 use super::buffer::Buffers;
+use super::contents::{GltfMesh, GltfScene};
 use super::instances::instances;
 use super::material;
 use super::pose::{Pose, PoseKey, Poses, pose_key};
@@ -18,23 +18,6 @@ use crate::error::Error;
 use crate::json::Document;
 use crate::surface::shells::{Closure, Shells};
 use crate::surface::{GlassRule, Material, Mesh, Part, Refusal, Surfaces, Tag};
-
-/// A node with a mesh.
-#[derive(Debug, Clone, PartialEq)]
-pub struct GltfMesh {
-    /// Name of the node; empty if it has none.
-    pub name: String,
-    /// Number of the node in the file.
-    pub node: usize,
-    /// Number of the mesh in the file.
-    pub mesh: usize,
-    /// World transform of the node.
-    pub to_world: DAffine3,
-    /// Number of the skin in the file, whose joints place the mesh instead of `to_world`.
-    pub skin: Option<usize>,
-    /// Weights of the mesh's morph targets at rest; empty if all are zero.
-    pub weights: Vec<f32>,
-}
 
 /// The surfaces of a file, and what was decided about them.
 #[derive(Debug, Default)]

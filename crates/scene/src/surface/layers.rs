@@ -19,6 +19,7 @@ use std::hash::Hasher;
 
 use fnv::FnvHasher;
 use glam::{DAffine3, DVec3, Vec3};
+use pileus_math::Bounds3;
 use rand_core::Rng;
 
 use super::interaction::{Hit, Interaction};
@@ -56,10 +57,10 @@ const BORDER: f64 = 1e-9;
 /// Fills in the misfits of all instances.
 pub(super) fn measure(meshes: &[Mesh], instances: &mut [Instance]) {
     for instance in instances.iter_mut() {
-        let (low, high) = instance.bounds;
+        let Bounds3 { low, high } = instance.bounds;
         let reach = low.abs().max(high.abs());
         let mesh = meshes[instance.mesh].bounds;
-        let local = mesh.0.abs().max(mesh.1.abs());
+        let local = mesh.low.abs().max(mesh.high.abs());
         instance.misfit = Misfit {
             file: reach.max_element() * FILE,
             rounding: instance.rounding.offset(local, reach, Vec3::splat(0.6)),
@@ -103,7 +104,7 @@ impl Layer<'_> {
     /// An order of surfaces that knows nothing of rays, and nothing of the order in the file as
     /// long as anything else tells them apart.
     fn smaller_first(&self, other: &Self) -> Ordering {
-        let places = |i: &Instance| [i.bounds.0.to_array(), i.bounds.1.to_array()];
+        let places = |i: &Instance| [i.bounds.low.to_array(), i.bounds.high.to_array()];
         let by_place = || {
             let (a, b) = (places(self.instance), places(other.instance));
             let all = a.as_flattened().iter().zip(b.as_flattened());

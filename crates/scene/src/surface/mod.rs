@@ -85,9 +85,9 @@ pub struct Surfaces {
     emitters: Vec<EmissiveTriangle>,
     /// Of each mesh the place of each triangle among its emissive ones; empty if there are none.
     ranks: Vec<Vec<u32>>,
-    bounds: (DVec3, DVec3),
+    bounds: Bounds3,
     /// The bounds, padded by more than rounding can move a ray against them.
-    padded: (DVec3, DVec3),
+    padded: Bounds3,
     /// Whether light may go straight through some surface.
     has_panes: bool,
 }
@@ -104,7 +104,7 @@ struct Instance {
     mirrored: bool,
     rounding: Rounding,
     misfit: Misfit,
-    bounds: (DVec3, DVec3),
+    bounds: Bounds3,
     /// Number of the first of its emissive triangles.
     first_emitter: u32,
 }
@@ -160,7 +160,7 @@ impl Surfaces {
                 continue;
             }
             let bounds = placed_bounds(&to_world, mesh.bounds);
-            if !(bounds.0.abs().max(bounds.1.abs()).max_element() < FARTHEST) {
+            if !(bounds.low.abs().max(bounds.high.abs()).max_element() < FARTHEST) {
                 return Err(Refusal::TooFar(number));
             }
             instances.push(Instance {
@@ -177,8 +177,8 @@ impl Surfaces {
             });
         }
         layers::measure(&meshes, &mut instances);
-        let boxes: Vec<(DVec3, DVec3)> = instances.iter().map(|i| i.bounds).collect();
-        let Some(bounds) = boxes.iter().copied().reduce(|a, b| (a.0.min(b.0), a.1.max(b.1))) else {
+        let boxes: Vec<Bounds3> = instances.iter().map(|i| i.bounds).collect();
+        let Some(bounds) = boxes.iter().copied().reduce(Bounds3::union) else {
             return Ok((None, flat));
         };
         let tree = Tree::new(&boxes);
@@ -299,7 +299,7 @@ impl Surfaces {
     #[inline(always)]
     pub fn may_be_met(&self, origin: DVec3, direction: Vec3, t_max: f64) -> bool {
         let inverse = direction.as_dvec3().recip();
-        let (a, b) = ((self.padded.0 - origin) * inverse, (self.padded.1 - origin) * inverse);
+        let (a, b) = ((self.padded.low - origin) * inverse, (self.padded.high - origin) * inverse);
         let (from, to) = (a.min(b), a.max(b));
         // One instruction each, unlike the methods of the same meaning.
         let larger = |a: f64, b: f64| if a > b { a } else { b };
@@ -547,12 +547,12 @@ impl Surfaces {
 
     /// Lowest and highest corner of all surfaces in world space.
     pub fn bounds(&self) -> Bounds3 {
-        Bounds3::new(self.bounds.0, self.bounds.1)
+        self.bounds
     }
 
     /// Lowest and highest corner of each instance in world space.
     pub fn instance_bounds(&self) -> impl Iterator<Item = Bounds3> + '_ {
-        self.instances.iter().map(|instance| Bounds3::new(instance.bounds.0, instance.bounds.1))
+        self.instances.iter().map(|instance| instance.bounds)
     }
 
     /// Whether no edge of an instance's mesh is open: each belongs to an even number of triangles,
@@ -622,28 +622,21 @@ impl Instance {
 
 /// Bounds with room for the rounding of rays in double precision, and more than a tree of surfaces
 /// pads its boxes by.
-fn padded((low, high): (DVec3, DVec3)) -> (DVec3, DVec3) {
+fn padded(Bounds3 { low, high }: Bounds3) -> Bounds3 {
     let largest = low.abs().max(high.abs()).max_element();
     let padding = (high - low).max_element() * (1.0 / 65_536.0) + largest * 1e-12;
-    (low - padding, high + padding)
+    Bounds3::new(low - padding, high + padding)
 }
 
 /// Bounds of a box's eight corners in the world, rounding included.
-fn placed_bounds(to_world: &DAffine3, (low, high): (DVec3, DVec3)) -> (DVec3, DVec3) {
-    let corners = (0..8).map(|i| {
-        let pick = |axis: usize| if i >> axis & 1 == 0 { low[axis] } else { high[axis] };
-        to_world.transform_point3(DVec3::new(pick(0), pick(1), pick(2)))
-    });
-    let (mut lowest, mut highest) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-    for corner in corners {
-        lowest = lowest.min(corner);
-        highest = highest.max(corner);
-        if corner.is_nan() {
-            highest = DVec3::INFINITY;
-        }
+fn placed_bounds(to_world: &DAffine3, bounds: Bounds3) -> Bounds3 {
+    let corners = bounds.corners().map(|corner| to_world.transform_point3(corner));
+    let Bounds3 { low, mut high } = Bounds3::of_points(corners);
+    if corners.iter().any(|corner| corner.is_nan()) {
+        high = DVec3::INFINITY;
     }
-    let pad = lowest.abs().max(highest.abs()) * 1e-14;
-    (lowest - pad, highest + pad)
+    let pad = low.abs().max(high.abs()) * 1e-14;
+    Bounds3::new(low - pad, high + pad)
 }
 
 /// A uniform number in [0, 1) for whether a ray's blending triangle is there: a function of the
