@@ -4,9 +4,10 @@
 use glam::{DAffine3, DVec3, Vec3};
 use pileus_film::{Film, Filter, Image};
 use pileus_integrator::{Counters, RenderSettings, Renderer, Unmonitored};
+use pileus_media::emission::{EmissionField, EmissionSource};
 use pileus_media::{
-    Albedo, Bounds3, EmissionField, EmissionSource, ExactField, Interpolation, Medium, Phase,
-    Tally, VoxelGrid, VoxelGridOptions, law,
+    Albedo, Bounds3, ExactField, Interpolation, Medium, Phase, Tally, VoxelGrid, VoxelGridOptions,
+    transmittance_function,
 };
 use pileus_scene::volume::DefaultScale;
 use pileus_scene::{
@@ -75,7 +76,7 @@ pub fn lumpy_grid(half: f64, sigma_t: [f32; 3], albedo: [f32; 3], phase: Phase) 
     grid_medium(&tree, Interpolation::Trilinear, index_to_world, sigma_t, albedo, phase)
 }
 
-/// The cube of [`cube_grid`] that gives off `color` per length.
+/// The cube of [`cube_grid`] that emits `color` per length.
 pub fn glowing_cube(half: f64, sigma_t: [f32; 3], albedo: [f32; 3], color: [f32; 3]) -> Volume {
     let tree = Tree::from_dense(0.0f32, [0; 3], [16; 3], &[1.0; 16 * 16 * 16]);
     let scale = DAffine3::from_scale(DVec3::splat(half / 8.0));
@@ -122,7 +123,7 @@ pub fn scene(media: Vec<Medium>, position: DVec3, target: DVec3, fov_y: f64) -> 
 }
 
 /// Transmittance of all media of a scene along a segment from where nothing is correlated with
-/// them, per channel; exact, by their optical depths and their laws.
+/// them, per channel; exact, by their optical depths and their transmittance functions.
 pub fn transmittance(scene: &Scene, p: DVec3, d: DVec3, t_max: f64) -> DVec3 {
     let mut product = DVec3::ONE;
     for volume in &scene.volumes {
@@ -133,7 +134,9 @@ pub fn transmittance(scene: &Scene, p: DVec3, d: DVec3, t_max: f64) -> DVec3 {
         let depths = volume.medium.chromatic_ratio().as_dvec3() * depth;
         product *= DVec3::from_array(depths.to_array().map(|depth| {
             match volume.medium.transmittance_function() {
-                Some(law) => law.survival(law::Start::Uncorrelated, depth),
+                Some(function) => {
+                    function.survival(transmittance_function::StartCorrelation::Uncorrelated, depth)
+                }
                 None => (-depth).exp(),
             }
         }));
@@ -293,7 +296,7 @@ pub fn lambert(albedo: [f32; 3]) -> Value {
 }
 
 /// The same, giving off `radiance` on its front.
-pub fn lamp(albedo: [f32; 3], radiance: [f32; 3]) -> Value {
+pub fn area_light(albedo: [f32; 3], radiance: [f32; 3]) -> Value {
     let strength = radiance.iter().fold(0.0f32, |a, b| a.max(*b)).max(1.0);
     let mut material = lambert(albedo);
     material["emissiveFactor"] = json!(radiance.map(|c| c / strength));

@@ -5,8 +5,8 @@
 use glam::{DVec3, Vec3};
 use pileus_integrator::{Channels, Events, Plan, RenderSettings};
 use pileus_media::distance::DistanceSampler;
-use pileus_media::law::{Law, Power};
 use pileus_media::transmittance::Estimator;
+use pileus_media::transmittance_function::{Power, TransmittanceFunction};
 use pileus_media::{Bounds3, Medium, Phase};
 use pileus_scene::{EnvironmentImage, Light, Point, Scene};
 use pileus_tests::*;
@@ -194,10 +194,10 @@ fn the_plan_says_where_channels_do_not_decouple() {
 #[test]
 fn the_plan_says_which_volumes_are_weighted_beside_split() {
     let fog = || cube_homogeneous(1.5, [0.3, 0.2, 0.1], [0.9; 3], Phase::Isotropic);
-    let power = Some(Arc::new(Law::Power(Power::new(2.0).unwrap())));
-    let of_law = fog().with_transmittance_function(power);
+    let power = Some(Arc::new(TransmittanceFunction::Power(Power::new(2.0).unwrap())));
+    let of_function = fog().with_transmittance_function(power);
     let uneven = cube_homogeneous(1.5, [400.0, 0.4, 1.2], [0.9; 3], Phase::Isotropic);
-    for (second, analog) in [(fog(), true), (of_law, false), (uneven, false)] {
+    for (second, analog) in [(fog(), true), (of_function, false), (uneven, false)] {
         let scene = scene(vec![fog(), second], EYE, DVec3::ZERO, 36.0);
         let plan = Plan::new(&scene, &settings(1, 1)).expect("a plan");
         assert_eq!(axes(&plan).1, Channels::Split);
@@ -211,12 +211,12 @@ fn the_plan_says_which_volumes_are_weighted_beside_split() {
 /// transmittance function that is not exponential, over a floor, under a sun with an extent that
 /// shadow rays and paths both meet. Null hypothesis: the picture of spectral MIS.
 #[test]
-fn channels_decouple_over_lists_under_laws_and_beside_surfaces() {
-    let law = Arc::new(Law::Power(Power::new(2.0).unwrap()));
+fn channels_decouple_over_lists_under_transmittance_functions_and_beside_surfaces() {
+    let function = Arc::new(TransmittanceFunction::Power(Power::new(2.0).unwrap()));
     let media = || {
         let cloud = lumpy([3.0, 1.0, 0.3], [0.9, 0.8, 0.7]);
         vec![
-            cloud.with_transmittance_function(Some(Arc::clone(&law))),
+            cloud.with_transmittance_function(Some(Arc::clone(&function))),
             cube_grid(0.7, [0.4, 1.5, 0.8], [0.8; 3], Phase::henyey_greenstein(0.4)),
             cube_homogeneous(1.2, [0.3, 0.2, 0.1], [0.9; 3], Phase::Isotropic),
         ]
@@ -230,7 +230,7 @@ fn channels_decouple_over_lists_under_laws_and_beside_surfaces() {
     assert_eq!((axes(&plan), plan.mis), ((Events::MergedList, Channels::Split), true));
     let split = rendered(&scene, &settings(96, 31));
     let spectral = rendered(&scene, &by(DistanceSampler::Spectral, 96, 32));
-    assert_same("laws and a floor", &split, &spectral);
+    assert_same("transmittance functions and a floor", &split, &spectral);
 }
 
 /// A medium between two heights, of one extinction per channel.

@@ -330,8 +330,8 @@ fn joined_glass_is_a_body_and_a_pane() {
     }
 }
 
-/// A lamp under what coincides with it: a pane of absorbing thin glass over half of a lamp that
-/// lies in a floor. Shadow rays and paths agree with a gap.
+/// An area light under what coincides with it: a pane of absorbing thin glass over half of an area
+/// light that lies in a floor. Shadow rays and paths agree with a gap.
 ///
 /// Null hypothesis: equal means. |z| < 5 on 4 means: false alarm 2e-6; the standard error is below
 /// a percent, while light found twice or not at all changes the mean by tens of percents.
@@ -344,12 +344,12 @@ fn lamps_are_covered_by_what_coincides() {
     let items = |gap: f32, reversed: bool| {
         let mut items = vec![
             Item::new(floor(4.0, -gap), lambert([0.5; 3])),
-            Item::new(floor(1.0, 0.0), both_sides(lamp([0.2; 3], [3.0; 3]))),
+            Item::new(floor(1.0, 0.0), both_sides(area_light([0.2; 3], [3.0; 3]))),
             Item::new(
                 quad([-0.5, gap, -2.0], [0.0, 0.0, 4.0], [3.0, 0.0, 0.0]),
                 both_sides(dark.clone()),
             ),
-            // A ceiling that the lamp lights, which is what is looked at.
+            // A ceiling that the area light lights, which is what is looked at.
             Item::new(turned(&floor(3.0, 1.5)), both_sides(lambert([0.8; 3]))),
         ];
         if reversed {

@@ -19,7 +19,7 @@ use glam::{DAffine3, DVec3, Vec3};
 use pileus_film::Film;
 use pileus_integrator::{RenderSettings, Renderer, Unmonitored};
 use pileus_media::distance::DistanceSampler;
-use pileus_media::name_or_auto;
+use pileus_media::method::name_or_auto;
 use pileus_media::transmittance::Estimator;
 use pileus_media::{Interpolation, Medium, Phase};
 use pileus_scene::{Bsdf, Camera, EnvironmentImage, Light, Point, Scene, Spot};
@@ -95,7 +95,7 @@ fn image() -> EnvironmentImage {
     EnvironmentImage::new(4, 4, texels, 1.0, 0.0).expect("an image")
 }
 
-const LAMP: [f32; 3] = [2.0, 1.5, 1.0];
+const AREA_LIGHT: [f32; 3] = [2.0, 1.5, 1.0];
 const GLOW: [f32; 3] = [1.0, 0.7, 0.4];
 const INTENSITY: Vec3 = Vec3::new(2.0, 1.0, 0.5);
 const COSINES: (f32, f32) = (0.95, 0.8);
@@ -124,7 +124,7 @@ fn case((_, floor): &(&str, Value), (_, media): (&str, Vec<Medium>), light: usiz
     let plane = quad([-wide, FLOOR as f32, -wide], [0.0, 0.0, 2.0 * wide], [2.0 * wide, 0.0, 0.0]);
     let mut meshes = vec![(plane, floor.clone())];
     if LIGHTS[light] == "mesh" {
-        meshes.push((quad(SQUARE[0], SQUARE[1], SQUARE[2]), lamp([0.0; 3], LAMP)));
+        meshes.push((quad(SQUARE[0], SQUARE[1], SQUARE[2]), area_light([0.0; 3], AREA_LIGHT)));
     }
     let glow = (LIGHTS[light] == "emissive volume")
         .then(|| glowing_cube(0.4, [0.02, 0.01, 0.05], ABSORBS, GLOW));
@@ -243,7 +243,7 @@ fn expected(scene: &Scene, light: usize) -> [f64; 3] {
                     sum += towards(wi, distance) * (facing / (distance * distance));
                 }
             }
-            sum * (a.cross(b).length() / (n * n) as f64) * Vec3::from_array(LAMP).as_dvec3()
+            sum * (a.cross(b).length() / (n * n) as f64) * Vec3::from_array(AREA_LIGHT).as_dvec3()
         }
         _ => {
             // Points of the cube, each the emission of its volume element.

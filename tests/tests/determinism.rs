@@ -73,9 +73,9 @@ fn everything() -> Scene {
     .unwrap();
     all.surfaces = Some(surfaces(&[
         (plane, lambert([0.6, 0.5, 0.4])),
-        (above, lamp([0.2; 3], [2.0, 1.0, 0.5])),
+        (above, area_light([0.2; 3], [2.0, 1.0, 0.5])),
         (between, sheet),
-        (sphere(DVec3::new(-0.7, 0.3, 0.6), 0.2, 6), lamp([0.3; 3], [0.5, 1.0, 3.0])),
+        (sphere(DVec3::new(-0.7, 0.3, 0.6), 0.2, 6), area_light([0.3; 3], [0.5, 1.0, 3.0])),
         (sphere(DVec3::new(0.7, 0.3, 0.4), 0.3, 8), rough),
         (sphere(DVec3::new(-0.1, 0.3, 1.0), 0.25, 8), milky),
     ]));

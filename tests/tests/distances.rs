@@ -9,7 +9,9 @@ use pileus_media::distance::{
     ray_marching_flight,
 };
 use pileus_media::random::{exponential, uniform};
-use pileus_media::{Channels, ExactField, Grey, Relative, Spectrum, Tally, TentativeCollisions};
+use pileus_media::{
+    Channels, ChromaticRatio, ExactField, Grey, Spectrum, Tally, TentativeCollisions,
+};
 use pileus_tests::root;
 use proptest::prelude::*;
 use rand_pcg::Pcg32;
@@ -150,7 +152,7 @@ fn flights_end_where_the_law_says() {
             // Delta tracking's weights have no bound where channels differ: thick cases are too
             // heavy-tailed for a normal mean.
             let wild = *sampler == DistanceSampler::Delta && case.optical_depth() > 3.0;
-            let histogram = fly_named(case, *sampler, Relative(relative), beta, 40_000);
+            let histogram = fly_named(case, *sampler, ChromaticRatio(relative), beta, 40_000);
             let color = if wild {
                 0.0
             } else {
@@ -180,7 +182,7 @@ fn weights_keep_the_mean_throughput() {
         for _ in 0..10_000 {
             let mut tally = Tally::default();
             let flown =
-                sampler.fly(case.ray(), Relative(relative), beta, None, &mut rng, &mut tally);
+                sampler.fly(case.ray(), ChromaticRatio(relative), beta, None, &mut rng, &mut tally);
             let mean = (beta * flown.weight).element_sum() / beta.element_sum();
             assert!((mean - 1.0).abs() < 1e-3, "{sampler:?}: {mean}");
         }
@@ -353,7 +355,7 @@ fn endless_fields_end() {
     use pileus_media::{Medium, Phase};
     for sigma_t in [[1.0, 0.5, 0.0], [0.0; 3]] {
         let fog = Medium::homogeneous(sigma_t, None, [1.0; 3], Phase::Isotropic).unwrap();
-        let relative = Relative(fog.chromatic_ratio());
+        let relative = ChromaticRatio(fog.chromatic_ratio());
         let span = fog.span(DVec3::ZERO, Vec3::X, f64::INFINITY).unwrap();
         for sampler in DistanceSampler::ALL {
             let mut rng = Pcg32::new(4, 4);
@@ -397,7 +399,7 @@ proptest! {
             for _ in 0..8 {
                 let grey = sampler.fly(case.ray(), Grey, 1.0, None, &mut rng, &mut tally);
                 prop_assert!(!grey.weight.is_nan() && !grey.null_probability.is_nan(), "{sampler:?} {grey:?}");
-                let (relative, beta) = (Relative(Vec3::from_array(relative)), Vec3::from_array(beta));
+                let (relative, beta) = (ChromaticRatio(Vec3::from_array(relative)), Vec3::from_array(beta));
                 let color = sampler.fly(case.ray(), relative, beta, None, &mut rng, &mut tally);
                 prop_assert!(!color.weight.is_nan(), "{sampler:?} {color:?}");
                 if let Flight::Collision(t) = color.flight {

@@ -7,7 +7,7 @@ use pileus_media::transmittance::{
     Control, Estimator, TaylorOrder, ray_marching, residual_ratio_tracking, taylor,
     unbiased_ray_marching, volterra,
 };
-use pileus_media::{Grey, Relative, Tally};
+use pileus_media::{ChromaticRatio, Grey, Tally};
 use pileus_tests::root;
 use proptest::prelude::*;
 use rand_pcg::Pcg32;
@@ -101,7 +101,7 @@ fn is_hopeless(case: &ProfileCase, estimator: Estimator) -> Option<&'static str>
             Some("relative variance exp(integral of (sigma_t - control)^2 / rate) - 1")
         }
         Estimator::Taylor | Estimator::Volterra if bound * length > 6.0 && tau > 0.5 => {
-            Some("a factor of up to e^2 per stretch: exponential in the number of stretches")
+            Some("a factor of up to e^2 per interval: exponential in the number of intervals")
         }
         Estimator::PseriesCmf | Estimator::PseriesCumulative | Estimator::Bidirectional
             if square(0.0) / bound > 6.0 && bound > case.minorant =>
@@ -114,18 +114,18 @@ fn is_hopeless(case: &ProfileCase, estimator: Estimator) -> Option<&'static str>
             Some("signed terms")
         }
         Estimator::Bidirectional if bound * length > 64.0 => {
-            Some("loose stretches multiply their noise: exponential in the number of stretches")
+            Some("loose intervals multiply their noise: exponential in the number of intervals")
         }
         Estimator::UnbiasedRayMarching if case.name.starts_with("comb") => {
-            Some("teeth beat with the field: relative variance 1e5 at a probability of 0.1")
+            Some("samples beat with the field: relative variance 1e5 at a probability of 0.1")
         }
         Estimator::UnbiasedRayMarching if case.name == "hidden_peak" => {
-            Some("a peak between few teeth")
+            Some("a peak between few samples")
         }
         Estimator::DebiasedRayMarching
             if case.name.contains("spike") || case.name.starts_with("comb") =>
         {
-            Some("differences do not shrink before a comb resolves the feature: slow tail")
+            Some("differences do not shrink before the samples resolve the feature: slow tail")
         }
         _ => None,
     }
@@ -240,7 +240,7 @@ fn reference_variances_are_reproduced() {
         .map(|row| {
             let case = case(&row.case);
             let bounded = case.is_bounded() && case.bound() > 0.0;
-            // Stretches of a power series end at a depth of 16, the reference's do not.
+            // Intervals of a power series end at a depth of 16, the reference's do not.
             let whole = case.bound() * case.length <= 16.0;
             let rel_var = row.rel_var.filter(|v| bounded && *v <= 20.0)?;
             let middle = |rng: &mut Pcg32, tally: &mut Tally| {
@@ -294,7 +294,8 @@ fn channels_have_their_own_means() {
             }
             for channel in 0..3 {
                 let m = measure(50_000, |rng, tally| {
-                    estimator.estimate(case.ray(), Relative(relative), 0.0, rng, tally)[channel]
+                    estimator.estimate(case.ray(), ChromaticRatio(relative), 0.0, rng, tally)
+                        [channel]
                 });
                 let exact = (-case.optical_depth() * f64::from(relative[channel])).exp();
                 let error = (m.variance / m.samples).sqrt();
@@ -312,14 +313,14 @@ fn channels_have_their_own_means() {
 fn ray_marching_converges_at_second_order() {
     let case = case("step_down");
     let exact = (-case.optical_depth()).exp();
-    let bias = |teeth: u32| {
-        let m = measure(400_000, |rng, tally| ray_marching(case.ray(), Grey, teeth, rng, tally));
+    let bias = |samples: u32| {
+        let m = measure(400_000, |rng, tally| ray_marching(case.ray(), Grey, samples, rng, tally));
         let error = (m.variance / m.samples).sqrt();
-        println!("{teeth} teeth: bias {:.3e} +- {error:.1e}", m.mean - exact);
-        assert!(m.mean - exact > 10.0 * error, "{teeth} teeth are not too bright");
+        println!("{samples} samples: bias {:.3e} +- {error:.1e}", m.mean - exact);
+        assert!(m.mean - exact > 10.0 * error, "{samples} samples are not too bright");
         m.mean - exact
     };
-    // 16 and 64 teeth leave the step at 0.8 and 0.2 of a distance: the variance of the depth has
+    // 16 and 64 samples leave the step at 0.8 and 0.2 of a distance: the variance of the depth has
     // the same factor f (1 - f).
     let order = (bias(16) / bias(64)).log2() / 2.0;
     println!("order {order:.2}");
@@ -347,7 +348,7 @@ fn known_orderings_hold() {
     let loose = "homogeneous_loose_majorant";
     let ratio = cost(loose, Estimator::Ratio, 50_000).1;
     assert!(cost(loose, Estimator::NextFlight, 50_000).1 > 5.0 * ratio);
-    // Thick and smooth: combs at a fraction of the variance for comparable lookups.
+    // Thick and smooth: jittered samples at a fraction of the variance for comparable lookups.
     let sine = cost("sine", Estimator::Ratio, 200_000).1;
     let marching = cost("sine", Estimator::UnbiasedRayMarching, 200_000).1;
     println!("sine: ratio {sine:.3}, unbiased ray marching {marching:.3e}");
@@ -356,7 +357,7 @@ fn known_orderings_hold() {
 }
 
 /// Without cuts the uncontrolled series lose all accuracy in thick media; cut at unit depth they
-/// keep the variance of a few stretches.
+/// keep the variance of a few intervals.
 #[test]
 fn cuts_keep_series_from_failing() {
     let case = case("homogeneous_5");
@@ -376,18 +377,18 @@ fn cuts_keep_series_from_failing() {
     }
 }
 
-/// Combs beat with a periodic field; a ray cut into stretches of unit majorant depth does not beat
-/// as a whole.
+/// Jittered samples beat with a periodic field; a ray cut into intervals of unit majorant depth
+/// does not beat as a whole.
 #[test]
 fn cuts_keep_combs_from_beating() {
     let case = case("comb_11");
     let exact = (-case.optical_depth()).exp();
-    let relative = |stretch: f32| {
+    let relative = |interval: f32| {
         let m = measure(100_000, |rng, tally| {
-            unbiased_ray_marching(case.ray(), Grey, stretch, 0.0, rng, tally)
+            unbiased_ray_marching(case.ray(), Grey, interval, 0.0, rng, tally)
         });
         println!(
-            "stretch {stretch}: {:.2e} at {:.1} lookups",
+            "interval {interval}: {:.2e} at {:.1} lookups",
             m.variance / exact.powi(2),
             m.lookups
         );
@@ -397,8 +398,8 @@ fn cuts_keep_combs_from_beating() {
     assert!(cut < 0.01 * whole, "whole {whole}, cut {cut}");
 }
 
-/// Combs on stretches of unit majorant depth are unbiased. Null hypothesis: the mean is exact, |z|
-/// < 5.
+/// Jittered samples on intervals of unit majorant depth are unbiased. Null hypothesis: the mean is
+/// exact, |z| < 5.
 #[test]
 fn combs_on_short_stretches_are_unbiased() {
     for name in ["ramp_down_4", "step_down", "atmosphere", "spike_on_floor"] {
@@ -445,7 +446,7 @@ proptest! {
         for estimator in Estimator::ALL {
             let grey = estimator.estimate(case.ray(), Grey, threshold, &mut rng, &mut tally);
             prop_assert!(!grey.is_nan(), "{}", estimator.name());
-            let channels = Relative(Vec3::from_array(relative));
+            let channels = ChromaticRatio(Vec3::from_array(relative));
             let value = estimator.estimate(case.ray(), channels, threshold, &mut rng, &mut tally);
             prop_assert!(!value.is_nan(), "{} {value}", estimator.name());
         }

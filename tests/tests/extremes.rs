@@ -4,9 +4,11 @@
 use glam::{DAffine3, DVec3, Vec3};
 use pileus_integrator::{Parameter, Plan, RenderSettings};
 use pileus_media::distance::DistanceSampler;
-use pileus_media::law::{Component, DavisWeinstein, Erlang, Law, Linear, Mixture, Power, Table};
-use pileus_media::name_or_auto;
+use pileus_media::method::name_or_auto;
 use pileus_media::transmittance::Estimator;
+use pileus_media::transmittance_function::{
+    Component, DavisWeinstein, Erlang, Linear, Mixture, Power, Table, TransmittanceFunction,
+};
 use pileus_media::{Interpolation, Medium, Phase};
 use pileus_scene::{Camera, Scene};
 use pileus_tests::*;
@@ -33,46 +35,50 @@ fn mean(result: &Rendered, name: &str) -> f64 {
     plane.iter().map(|v| f64::from(*v)).sum::<f64>() / plane.len() as f64
 }
 
-/// Red, green and blue of grey media in grey light are the same bits, under every law and by every
-/// method. Under the linear law collisions from particle to particle counted for one channel alone:
-/// colour noise, and 2.5 times the error.
+/// Red, green and blue of grey media in grey light are the same bits, under every transmittance
+/// function and by every method. Under the linear transmittance collisions from particle to
+/// particle counted for one channel alone: colour noise, and 2.5 times the error.
 #[test]
 fn grey_media_stay_grey() {
-    let component = |weight, rate, law| Component { weight, rate, law };
+    let component = |weight, rate, function| Component { weight, rate, function };
     let points = [[0.0, 1.0], [0.4, 0.62], [1.0, 0.3], [2.0, 0.09], [3.0, 0.02]];
-    let with_atom = vec![component(0.5, 0.5, Some(Law::Linear(Linear))), component(0.5, 2.0, None)];
-    let laws = [
+    let with_atom = vec![
+        component(0.5, 0.5, Some(TransmittanceFunction::Linear(Linear))),
+        component(0.5, 2.0, None),
+    ];
+    let functions = [
         None,
-        Some(Law::Linear(Linear)),
-        Some(Law::Power(Power::new(2.0).unwrap())),
-        Some(Law::DavisWeinstein(DavisWeinstein::new(0.75, 1.0).unwrap())),
-        Some(Law::Erlang(Erlang::new(3).unwrap())),
-        Some(Law::Table(Table::new(&points).unwrap())),
-        Some(Law::Mixture(Mixture::new(with_atom).unwrap())),
+        Some(TransmittanceFunction::Linear(Linear)),
+        Some(TransmittanceFunction::Power(Power::new(2.0).unwrap())),
+        Some(TransmittanceFunction::DavisWeinstein(DavisWeinstein::new(0.75, 1.0).unwrap())),
+        Some(TransmittanceFunction::Erlang(Erlang::new(3).unwrap())),
+        Some(TransmittanceFunction::Table(Table::new(&points).unwrap())),
+        Some(TransmittanceFunction::Mixture(Mixture::new(with_atom).unwrap())),
     ];
     let mut distances = vec![None];
     distances.extend(DistanceSampler::ALL.map(Some));
     let transmittances = [None, Some(Estimator::Regular), Some(Estimator::DebiasedRayMarching)];
     let mut compared = 0;
-    for law in laws {
+    for function in functions {
         for two in [false, true] {
             for distance in &distances {
                 for transmittance in transmittances {
                     let grid = lumpy_grid(1.0, [2.0; 3], [0.9; 3], Phase::henyey_greenstein(0.4));
                     let mut media =
-                        vec![grid.with_transmittance_function(law.clone().map(Arc::new))];
+                        vec![grid.with_transmittance_function(function.clone().map(Arc::new))];
                     if two {
                         media.push(cube_homogeneous(0.8, [1.0; 3], [0.8; 3], Phase::Isotropic));
                     }
                     let scene = small(media, EYE, DVec3::ZERO, 30.0, 4);
                     let settings =
                         RenderSettings { distance: *distance, transmittance, ..settings(2, 7) };
-                    // What a law or a grid does not allow is refused.
+                    // What a transmittance function or a grid does not allow is refused.
                     if Plan::new(&scene, &settings).is_err() {
                         continue;
                     }
                     let [r, g, b] = planes(&rendered(&scene, &settings));
-                    let what = (&law, two, name_or_auto(*distance), name_or_auto(transmittance));
+                    let what =
+                        (&function, two, name_or_auto(*distance), name_or_auto(transmittance));
                     assert!(r == g && g == b, "{what:?}");
                     assert!(r.iter().any(|v| *v > 0.0), "{what:?}");
                     compared += 1;
@@ -93,28 +99,28 @@ fn dense_media_end() {
         lumpy_grid(1.0, sigma_t, [albedo; 3], Phase::Isotropic)
     };
     let fog = || cube_homogeneous(1.5, [0.2; 3], [0.9; 3], Phase::Isotropic);
-    let law = |law: Law| Some(Arc::new(law));
+    let function = |function: TransmittanceFunction| Some(Arc::new(function));
     for density in [1e6, 1e8, 1e12, 1e15, 3e29] {
         let grey = [1.0; 3];
-        let scenes: Vec<(&str, Vec<Medium>)> = vec![
-            ("grey", vec![grid(density, grey, 0.5)]),
-            ("white", vec![grid(density, grey, 0.999)]),
-            ("colours", vec![grid(density, [1.0, 1e-3, 1e-8], 0.5)]),
-            ("in fog", vec![grid(density, grey, 0.5), fog()]),
-            (
-                "linear",
-                vec![
-                    grid(density, grey, 0.5).with_transmittance_function(law(Law::Linear(Linear))),
-                ],
-            ),
-            (
-                "power",
-                vec![
-                    grid(density, grey, 0.5)
-                        .with_transmittance_function(law(Law::Power(Power::new(2.0).unwrap()))),
-                ],
-            ),
-        ];
+        let scenes: Vec<(&str, Vec<Medium>)> =
+            vec![
+                ("grey", vec![grid(density, grey, 0.5)]),
+                ("white", vec![grid(density, grey, 0.999)]),
+                ("colours", vec![grid(density, [1.0, 1e-3, 1e-8], 0.5)]),
+                ("in fog", vec![grid(density, grey, 0.5), fog()]),
+                (
+                    "linear",
+                    vec![grid(density, grey, 0.5).with_transmittance_function(function(
+                        TransmittanceFunction::Linear(Linear),
+                    ))],
+                ),
+                (
+                    "power",
+                    vec![grid(density, grey, 0.5).with_transmittance_function(function(
+                        TransmittanceFunction::Power(Power::new(2.0).unwrap()),
+                    ))],
+                ),
+            ];
         for (name, media) in scenes {
             let scene = small(media, EYE, DVec3::ZERO, 20.0, 4);
             let result = rendered(&scene, &settings(2, 3));
@@ -194,7 +200,7 @@ fn fog_beside_a_dense_voxel_is_as_thin_as_it_is() {
     };
     let eye = DVec3::new(10.7, 10.6, 6000.0);
     let mut scene = small(vec![make()], eye, DVec3::new(10.7, 10.6, 0.0), 0.003, 4);
-    // No light that a pilot would be asked about.
+    // No light that a prepass would be asked about.
     scene.lights.clear();
     let result = rendered(&scene, &settings(32, 1));
     assert!(result.image.channel("A").unwrap().iter().all(|a| *a == 0.0));

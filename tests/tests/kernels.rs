@@ -168,7 +168,7 @@ fn a_shining_room_is_a_furnace_for_shadow_rays_and_paths() {
     // Turned inside out, so that it shines inwards.
     let room: Triangles = cube(5.0).into_iter().map(|[a, b, c]| [a, c, b]).collect();
     let mut meshes = white();
-    meshes.push((room, lamp([0.0; 3], [1.0; 3])));
+    meshes.push((room, area_light([0.0; 3], [1.0; 3])));
     for (seed, case) in (100u64..).zip(cases(1.0)) {
         if case.axes.world == World::Volumes {
             continue;

@@ -4,7 +4,7 @@
 use glam::{DVec3, Vec3};
 use pileus_integrator::{Plan, RenderSettings};
 use pileus_media::distance::DistanceSampler;
-use pileus_media::law::{Law, Power};
+use pileus_media::transmittance_function::{Power, TransmittanceFunction};
 use pileus_media::{Medium, Phase};
 use pileus_scene::{Camera, Interaction, Light, Point, Scene, Spot};
 use pileus_tests::*;
@@ -118,7 +118,7 @@ fn panes_dim_and_tint() {
     let panes =
         [(level(3.0, 3.0, false), thin(1.0, tint.to_array())), (level(2.0, 3.0, true), half)];
     let passes = tint * (0.5 + 0.5 * tint);
-    let law = Law::Power(Power::new(2.0).unwrap());
+    let function = TransmittanceFunction::Power(Power::new(2.0).unwrap());
     let chromatic = cube_homogeneous(1.0, [0.8, 0.4, 0.2], [0.7; 3], Phase::henyey_greenstein(0.3));
     let all = lights();
     for (k, (name, medium, lights, distance)) in [
@@ -128,7 +128,7 @@ fn panes_dim_and_tint() {
         ("all, chromatic", chromatic, &all[..], None),
         (
             "all, a power law",
-            grey(0.8).with_transmittance_function(Some(Arc::new(law))),
+            grey(0.8).with_transmittance_function(Some(Arc::new(function))),
             &all[..],
             None,
         ),
@@ -351,7 +351,7 @@ fn sheets_cast_shadows_either_way() {
     let red = lambert([0.8, 0.2, 0.2]);
     let mut both_sides = red.clone();
     both_sides["doubleSided"] = json!(true);
-    let lamp_above = (level(2.6, 0.5, false), lamp([0.3; 3], [6.0, 5.0, 4.0]));
+    let area_light_above = (level(2.6, 0.5, false), area_light([0.3; 3], [6.0, 5.0, 4.0]));
     let [sun_light, point, spot] = lights();
     let tilted = sun(Vec3::new(0.1, 1.0, 0.1), Vec3::splat(2.0), 0.5);
     let kinds: [(&str, Option<Light>, bool, f32); 6] = [
@@ -359,14 +359,14 @@ fn sheets_cast_shadows_either_way() {
         ("a sun's disc", Some(tilted), false, 0.0),
         ("a point", Some(point), false, 0.0),
         ("a spot", Some(spot), false, 0.0),
-        ("a lamp", None, true, 0.0),
+        ("an area light", None, true, 0.0),
         ("a sky", None, false, 1.0),
     ];
-    for (k, (name, light, lamp, sky)) in kinds.into_iter().enumerate() {
+    for (k, (name, light, area_light, sky)) in kinds.into_iter().enumerate() {
         let by = |sheet: Option<(bool, &Value)>, seed: u64| {
             let mut meshes = vec![floor(4.0, 0.5)];
             meshes.extend(sheet.map(|(up, material)| (level(0.6, 0.5, up), material.clone())));
-            meshes.extend(lamp.then(|| lamp_above.clone()));
+            meshes.extend(area_light.then(|| area_light_above.clone()));
             let mut scene = below(&meshes);
             scene.lights.extend(light.clone());
             scene.environment.constant = Vec3::splat(sky);
@@ -401,7 +401,7 @@ fn backs_are_hidden_from_the_camera_alone() {
         assert!((view(true, window.clone()) - 0.8 * cos).abs() < 1e-4);
         assert_eq!(view(false, window), 0.0);
     }
-    // Upwards by a mirror on the floor: the sheet's underside, lit by a lamp that shines up.
+    // Upwards by a mirror on the floor: the sheet's underside, lit by an area light that shines up.
     let mirror = json!({"pbrMetallicRoughness": {"roughnessFactor": 0.0, "metallicFactor": 1.0}});
     let radiance = |up: bool| {
         let mut scene = scene(vec![], DVec3::new(0.0, 1.0, 3.0), DVec3::new(0.0, 0.0, 1.5), 1.0);

@@ -66,7 +66,7 @@ fn studio_has_its_camera_and_lights() {
     assert!((sun.to_light - q * Vec3::Z).length() < 1e-6);
     assert!(sun.to_light.y > 0.5 && spot.direction.y < -0.3);
     assert!(scene.environment.is_black());
-    // Surfaces, their materials and the lamp are modelled.
+    // Surfaces, their materials and the area light are modelled.
     assert!(scene.not_modelled.is_empty(), "{:?}", scene.not_modelled);
     let surfaces = scene.surfaces.as_ref().unwrap();
     assert_eq!((surfaces.counts().triangles, surfaces.emitters().len()), (3182, 2));
@@ -121,7 +121,7 @@ fn fire_loads_with_its_flames() {
     assert!((scene.camera.position() - DVec3::new(0.0, 1.7, 5.2)).length() < 1e-6);
     // No light in the file but the fire's own: no sky is added.
     assert!(!loaded.notes.iter().any(|note| note.contains("default sky")));
-    assert!(scene.environment.is_black() && scene.fires().count() == 1);
+    assert!(scene.environment.is_black() && scene.emissive_volumes().count() == 1);
     assert!(!scene.not_modelled.iter().any(|item| item.contains("emission")));
     let Bounds3 { low, high } = scene.volumes[0].medium.bounds_world().unwrap();
     // Voxels of 0.0375 in a box of 53 x 53 x 96, Z up, moved by (-1, 0, 1): z runs from 1 down to

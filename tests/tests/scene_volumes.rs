@@ -1,7 +1,7 @@
 //! Volumes from files: which grid, how dense, where.
 
 use glam::{DAffine3, DQuat, DVec3, Vec3};
-use pileus_media::{BlackbodyRadiance, EmissionSource, blackbody};
+use pileus_media::emission::{BlackbodyRadiance, EmissionSource, blackbody};
 use pileus_scene::volume::{CLOUD_OPTICAL_DEPTH, DefaultScale, VolumeLoader, VolumeRequest};
 use pileus_scene::volume_spec::{
     AlbedoSpec, DensitySpec, EmissionSpec, HomogeneousSpec, Rgb, TransformSpec, VolumeSpec,

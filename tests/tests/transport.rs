@@ -612,13 +612,13 @@ fn clamped_samples_are_bounded_and_confessed() {
     assert!(Plan::new(&scene, &limited).unwrap().biased[0].contains("clamp"));
 }
 
-/// Shadow rays by what a pilot expects: the picture of importance alone, grey, per channel and of
+/// Shadow rays by what a prepass expects: the picture of importance alone, grey, per channel and of
 /// several media, under a sun, a disc and a bright sky; the same bits on any number of threads. Few
 /// scatterings make it the plan's choice.
 #[test]
 fn expected_shadows_change_no_mean() {
     let expected = |seed| RenderSettings {
-        shadow_roulette: Some(ShadowRoulette::Expected),
+        shadow_roulette: Some(ShadowRoulette::AdjointDriven),
         ..settings(128, seed)
     };
     let importance = |seed| RenderSettings {

@@ -6,8 +6,8 @@ use glam::{DVec3, Vec3};
 use pileus_film::Film;
 use pileus_integrator::{Plan, RenderSettings, Renderer, Unmonitored};
 use pileus_media::distance::DistanceSampler;
-use pileus_media::law::{Erlang, Law, Linear, Power};
-use pileus_media::name_or_auto;
+use pileus_media::method::name_or_auto;
+use pileus_media::transmittance_function::{Erlang, Linear, Power, TransmittanceFunction};
 use pileus_media::{Medium, Phase};
 use pileus_scene::{Camera, Scene};
 use pileus_tests::*;
@@ -48,15 +48,19 @@ fn alpha_is_one_minus_the_transmittance_under_every_method() {
     let grey = || lumpy_grid(1.0, [0.4; 3], BLACK, phase.clone());
     let coloured = || lumpy_grid(1.0, [0.8, 0.1, 0.02], BLACK, phase.clone());
     let cube = |sigma_t| cube_homogeneous(1.5, sigma_t, BLACK, phase.clone());
-    let under = |medium: Medium, law| medium.with_transmittance_function(Some(Arc::new(law)));
+    let under =
+        |medium: Medium, function| medium.with_transmittance_function(Some(Arc::new(function)));
     let cases: Vec<(&str, Vec<Medium>)> = vec![
         ("grey grid", vec![grey()]),
         ("coloured grid", vec![coloured()]),
         ("homogeneous", vec![cube([0.3, 0.1, 0.0])]),
         ("overlapping", vec![grey(), coloured(), cube([0.02, 0.2, 0.1])]),
-        ("power", vec![under(coloured(), Law::Power(Power::new(2.0).unwrap()))]),
-        ("linear", vec![under(coloured(), Law::Linear(Linear)), cube([0.02, 0.2, 0.1])]),
-        ("erlang", vec![under(grey(), Law::Erlang(Erlang::new(3).unwrap()))]),
+        ("power", vec![under(coloured(), TransmittanceFunction::Power(Power::new(2.0).unwrap()))]),
+        (
+            "linear",
+            vec![under(coloured(), TransmittanceFunction::Linear(Linear)), cube([0.02, 0.2, 0.1])],
+        ),
+        ("erlang", vec![under(grey(), TransmittanceFunction::Erlang(Erlang::new(3).unwrap()))]),
     ];
     let (mut worst, mut rows) = (0.0f64, 0);
     for (name, media) in cases {

@@ -72,7 +72,7 @@ fn benches(c: &mut Criterion) {
             });
         });
     }
-    // The same cloud alone, as the first of two media (the second far off), and amid two hundred:
+    // The same cloud alone, as the first of two media (the second far off), and among two hundred:
     // what a list and its index cost.
     for (name, count) in [("one_cloud", 1), ("two_clouds", 2), ("two_hundred_clouds", 200)] {
         let scene = field(count);

@@ -11,9 +11,12 @@ use crate::plan::thickness::typical_sigma_t;
 use crate::plan::{self, Channels, Events, PhaseFunctions, Plan, extinguishes};
 use crate::prepass::RadianceCache;
 use crate::settings::RenderSettings;
+use pileus_media::Medium;
 use pileus_media::distance::DistanceSampler;
-use pileus_media::transmittance::Telescope;
-use pileus_media::{EmissionField, GridShape, MajorantStructure, Medium, Voxel, VoxelKernel};
+use pileus_media::emission::EmissionField;
+use pileus_media::kernel::{GridShape, Voxel, VoxelKernel};
+use pileus_media::majorant::MajorantStructure;
+use pileus_media::transmittance::DebiasingSeries;
 use pileus_scene::Scene;
 use std::marker::PhantomData;
 use std::sync::Arc;
@@ -122,7 +125,7 @@ impl<'a> Parts<'a> {
             (&self.media.media, &self.media.index),
             self.plan.methods,
             channels,
-            Telescope::with_exponent(self.settings.level_exponent),
+            DebiasingSeries::with_exponent(self.settings.continuation_exponent),
         )
     }
 
@@ -137,7 +140,7 @@ impl<'a> Parts<'a> {
     }
 
     fn emissive_volumes(&self) -> Vec<Arc<EmissionField>> {
-        self.scene.fires().cloned().collect()
+        self.scene.emissive_volumes().cloned().collect()
     }
 
     fn volumes_and_surfaces<'w>(

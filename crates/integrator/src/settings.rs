@@ -2,8 +2,9 @@
 
 use pileus_film::Filter;
 use pileus_media::distance::DistanceSampler;
+use pileus_media::majorant::MajorantStructure;
+use pileus_media::method::{Expectation, Named};
 use pileus_media::transmittance::Estimator;
-use pileus_media::{Expectation, MajorantStructure, Named};
 use std::ops::Range;
 
 /// Serialises a method as its name.
@@ -34,11 +35,12 @@ pub enum ShadowRoulette {
     Importance,
     /// That, times the transmittance that a prepass found around the point, over the radiance that
     /// the path was expected to bring.
-    Expected,
+    AdjointDriven,
 }
 
 impl Named for ShadowRoulette {
-    const ALL: &'static [ShadowRoulette] = &[ShadowRoulette::Importance, ShadowRoulette::Expected];
+    const ALL: &'static [ShadowRoulette] =
+        &[ShadowRoulette::Importance, ShadowRoulette::AdjointDriven];
     const TITLE: &'static str = "ShadowRoulette";
     const QUESTION: &'static str =
         "What decides whether a shadow ray is sent from a point in a volume";
@@ -46,7 +48,7 @@ impl Named for ShadowRoulette {
     fn name(self) -> &'static str {
         match self {
             ShadowRoulette::Importance => "importance",
-            ShadowRoulette::Expected => "expected",
+            ShadowRoulette::AdjointDriven => "expected",
         }
     }
 
@@ -59,7 +61,7 @@ impl Named for ShadowRoulette {
             ShadowRoulette::Importance => {
                 "What the lights may contribute unshadowed, times the path's throughput."
             }
-            ShadowRoulette::Expected => {
+            ShadowRoulette::AdjointDriven => {
                 "That importance, times the transmittance that a prepass of 4096 paths found around the \
                  point, over the radiance that the path was expected to bring; where all lights that \
                  shadow rays are sent to are distant."
@@ -102,10 +104,10 @@ pub struct RenderSettings {
     /// Whether the default majorants run in the kernel that all structures share, which branches
     /// per step, instead of their own: to compare structures by equal means.
     pub shared_kernel: bool,
-    /// Of debiased ray marching under laws that are not exponential: level `j` has a probability in
+    /// Of debiased ray marching under non-exponential transmittance: level `j` has a probability in
     /// proportion to 2 to the power of minus `j` times this. Above 1, else the work is infinite;
     /// where it is too large the variance is.
-    pub level_exponent: f64,
+    pub continuation_exponent: f64,
     /// What decides whether a shadow ray is sent from a point in a medium; `None`: what the plan
     /// finds better for the scene.
     pub shadow_roulette: Option<ShadowRoulette>,
@@ -131,7 +133,7 @@ impl Default for RenderSettings {
             majorants: MajorantStructure::default(),
             majorant_scale: 1.0,
             shared_kernel: false,
-            level_exponent: 1.5,
+            continuation_exponent: 1.5,
             shadow_roulette: None,
             light_sampling: LightSampling::Both,
             clamp: None,

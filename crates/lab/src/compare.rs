@@ -10,7 +10,7 @@ use crate::flip::flip;
 use crate::pair::{Planes, check_size, finite, planes};
 
 /// Added to the squared reference in [`Comparison::rel_mse`].
-pub const REL_MSE_FLOOR: f64 = 0.01;
+pub const REL_MSE_EPSILON: f64 = 0.01;
 /// Side in pixels of the blocks that stand in for unknown variances.
 pub const ERROR_BLOCK: u32 = 16;
 
@@ -131,7 +131,7 @@ pub fn compare_with(
             let (va, vb) = (f64::from(pa[c][i]), f64::from(pb[c][i]));
             let d = va - vb;
             mse += d * d;
-            rel_mse += d * d / (vb * vb + REL_MSE_FLOOR);
+            rel_mse += d * d / (vb * vb + REL_MSE_EPSILON);
             max_difference = max_difference.max(d.abs());
             mean_a[c] += va;
             mean_b[c] += vb;
@@ -214,7 +214,7 @@ fn noise(
             }
             let r = f64::from(reference[c][i]);
             sum[c] += v;
-            rel_mse += v / (r * r + REL_MSE_FLOOR);
+            rel_mse += v / (r * r + REL_MSE_EPSILON);
         }
     }
     let n = used.len() as f64;

@@ -13,7 +13,7 @@ mod profile;
 
 pub use crate::block_z::{BlockZ, block_z_test};
 pub use crate::compare::{
-    CompareSettings, Comparison, ERROR_BLOCK, ErrorSource, REL_MSE_FLOOR, compare, compare_with,
+    CompareSettings, Comparison, ERROR_BLOCK, ErrorSource, REL_MSE_EPSILON, compare, compare_with,
 };
 pub use crate::difference::{difference_image, difference_view};
 pub use crate::error::Error;

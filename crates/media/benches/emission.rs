@@ -4,11 +4,11 @@
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 use pileus_media::Bounds3;
-use pileus_media::random::uniform;
-use pileus_media::{
-    Albedo, BlackbodyRadiance, EmissionDirections, EmissionField, EmissionSource, Phase, Tally,
-    VoxelGrid, VoxelGridOptions,
+use pileus_media::emission::{
+    BlackbodyRadiance, EmissionDirections, EmissionField, EmissionSource,
 };
+use pileus_media::random::uniform;
+use pileus_media::{Albedo, Phase, Tally, VoxelGrid, VoxelGridOptions};
 use pileus_vdb::VdbFile;
 use rand_pcg::Pcg32;
 use std::hint::black_box;

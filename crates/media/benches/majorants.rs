@@ -5,10 +5,9 @@
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use glam::{DVec3, Vec3};
 use pileus_media::Bounds3;
+use pileus_media::majorant::MajorantStructure;
 use pileus_media::random::uniform;
-use pileus_media::{
-    Albedo, MajorantStructure, Medium, Phase, RayField, VoxelGrid, VoxelGridOptions,
-};
+use pileus_media::{Albedo, Medium, Phase, RayField, VoxelGrid, VoxelGridOptions};
 use pileus_vdb::VdbFile;
 use rand_pcg::Pcg32;
 use std::hint::black_box;

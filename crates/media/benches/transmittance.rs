@@ -5,11 +5,11 @@ use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 use pileus_media::Bounds3;
 use pileus_media::distance::DistanceSampler;
+use pileus_media::kernel::{GridShape, Voxel, VoxelKernel};
 use pileus_media::random::uniform;
 use pileus_media::transmittance::Estimator;
 use pileus_media::{
-    Albedo, Grey, GridShape, Medium, Phase, PhaseAt, Span, Tally, Voxel, VoxelGrid,
-    VoxelGridOptions, VoxelKernel,
+    Albedo, Grey, Medium, Phase, PhaseAt, Span, Tally, VoxelGrid, VoxelGridOptions,
 };
 use pileus_vdb::VdbFile;
 use rand_pcg::Pcg32;

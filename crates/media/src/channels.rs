@@ -26,9 +26,9 @@ impl Channels for Grey {
 /// Three channels, whose extinctions are the field's times these factors, in [0, 1]: the field's
 /// bounds hold for all.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Relative(pub Vec3);
+pub struct ChromaticRatio(pub Vec3);
 
-impl Channels for Relative {
+impl Channels for ChromaticRatio {
     type Value = Vec3;
     #[inline(always)]
     fn of(self, sigma_t: f32) -> Vec3 {

@@ -18,12 +18,13 @@ pub struct Clamped {
 }
 
 impl Clamped {
-    /// Of a tree of numbers that belong into `low..=high`.
+    /// What a tree of numbers holds beyond `low..=high`, the range that they belong into.
     pub fn numbers(tree: &Tree<f32>, range: (f32, f32)) -> Clamped {
         Clamped::count(tree, range, |v| [v])
     }
 
-    /// Of a tree of vectors whose components do.
+    /// What a tree of vectors holds beyond `low..=high`, the range that components belong into;
+    /// every component counts.
     pub fn vectors(tree: &Tree<[f32; 3]>, range: (f32, f32)) -> Clamped {
         Clamped::count(tree, range, |v| v)
     }

@@ -72,7 +72,7 @@ impl<F: RayField> TentativeCollisions<F> {
     /// # Errors
     /// That depth, when the ray has left the field.
     #[inline(always)]
-    pub fn next_with_depth<R: Rng + ?Sized>(
+    pub(crate) fn next_with_depth<R: Rng + ?Sized>(
         &mut self,
         rng: &mut R,
     ) -> Result<(Tentative, f32), f32> {
@@ -108,7 +108,7 @@ impl<F: RayField> TentativeCollisions<F> {
     }
 
     /// Majorant depth from here to the ray's end, which the walk takes.
-    pub fn depth_to_end(&mut self) -> f32 {
+    pub(crate) fn depth_to_end(&mut self) -> f32 {
         let mut depth = (self.segment.t1 - self.t) * self.segment.majorant;
         while let Some(segment) = self.field.next_segment() {
             depth += (segment.t1 - segment.t0) * segment.majorant;
@@ -130,7 +130,7 @@ impl<F: RayField> TentativeCollisions<F> {
         self.segment.t1 == f32::INFINITY
     }
 
-    /// The field.
+    /// The field that the walk goes through.
     #[inline(always)]
     pub fn field(&self) -> &F {
         &self.field

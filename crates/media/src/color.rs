@@ -19,8 +19,8 @@ pub struct ColorGrid {
 }
 
 impl ColorGrid {
-    /// From a vector grid. `to_index` maps the index space of the medium that asks to that of this
-    /// tree.
+    /// Colours of a vector grid. `to_index` maps the index space of the medium that asks to that of
+    /// this tree.
     ///
     /// # Errors
     /// If the tree spans more than 2^31 voxels along an axis.
@@ -32,7 +32,8 @@ impl ColorGrid {
         Ok(ColorGrid { channels, to_index: snapped(to_index), clamped })
     }
 
-    /// From a scalar grid: grey.
+    /// Greys of a scalar grid. `to_index` maps the index space of the medium that asks to that of
+    /// this tree.
     ///
     /// # Errors
     /// If the tree spans more than 2^31 voxels along an axis.

@@ -2,7 +2,7 @@
 
 use crate::tally::Tally;
 
-/// A stretch of a ray on which the extinction is bounded.
+/// An interval of a ray on which the extinction is bounded.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MajorantSegment {
     /// Start, in the ray's parameter.

@@ -1,4 +1,4 @@
-//! A field times a number: what a mixture of exponential laws makes of a ray.
+//! A field times a number: what a mixture of exponential transmittances makes of a ray.
 
 use crate::field::{ExactField, MajorantSegment, RayField};
 use crate::tally::Tally;

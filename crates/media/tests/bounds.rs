@@ -4,10 +4,10 @@ mod common;
 
 use glam::{DVec3, Vec3};
 use pileus_media::Bounds3;
+use pileus_media::majorant::MajorantStructure;
 use pileus_media::random::uniform;
 use pileus_media::{
-    Albedo, Interpolation, MajorantSegment, MajorantStructure, Medium, Phase, RayField, VoxelGrid,
-    VoxelGridOptions,
+    Albedo, Interpolation, MajorantSegment, Medium, Phase, RayField, VoxelGrid, VoxelGridOptions,
 };
 use pileus_vdb::{Tree, VdbFile};
 use rand_core::Rng;

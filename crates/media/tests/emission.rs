@@ -4,11 +4,12 @@ mod common;
 
 use glam::{DAffine3, DVec3, Vec3};
 use pileus_media::Bounds3;
-use pileus_media::random::uniform;
-use pileus_media::{
-    Albedo, BlackbodyRadiance, ColorRamp, EmissionDirections, EmissionField, EmissionPoint,
-    EmissionSource, Interpolation, Phase, Tally, VoxelGrid, VoxelGridOptions, blackbody,
+use pileus_media::emission::{
+    BlackbodyRadiance, ColorRamp, EmissionDirections, EmissionField, EmissionPoint, EmissionSource,
+    blackbody,
 };
+use pileus_media::random::uniform;
+use pileus_media::{Albedo, Interpolation, Phase, Tally, VoxelGrid, VoxelGridOptions};
 use pileus_vdb::Tree;
 use rand_pcg::Pcg32;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
@@ -282,7 +283,7 @@ fn power_is_the_integral() {
     }
 }
 
-/// Points to look from: far, beside, above, and amid the fire.
+/// Points to look from: far, beside, above, and within the fire.
 fn eyes(field: &EmissionField) -> [DVec3; 4] {
     let Bounds3 { low, high } = field.bounds_world().unwrap();
     let at = |x, y, z| low + (high - low) * DVec3::new(x, y, z);
@@ -290,7 +291,7 @@ fn eyes(field: &EmissionField) -> [DVec3; 4] {
 }
 
 /// Directions by two numbers in [0, 1), uniform in a cone that holds all of a field, or over the
-/// sphere from amid it; and the solid angle.
+/// sphere from within it; and the solid angle.
 fn cone(field: &EmissionField, eye: DVec3) -> (impl Fn(f64, f64) -> Vec3, f64) {
     let Bounds3 { low, high } = field.bounds_world().unwrap();
     let (to, radius) = (0.5 * (low + high) - eye, 0.6 * (high - low).length());
@@ -392,7 +393,7 @@ fn directions_follow_their_density() {
     }
 }
 
-/// Emission is per scene unit: a field twice as large gives off eight times the power and shines
+/// Emission is per scene unit: a field twice as large emits eight times the power and shines
 /// twice as bright along a line.
 #[test]
 fn emission_is_per_scene_unit() {
@@ -452,7 +453,7 @@ fn channels_and_ramps_at_voxels() {
     assert!(lit > 500, "{lit}");
 }
 
-/// Soot gives off what it absorbs: `sigma_a` times Planck's radiance at 1000 K per unit.
+/// Soot emits what it absorbs: `sigma_a` times Planck's radiance at 1000 K per unit.
 #[test]
 fn temperatures_are_in_real_units() {
     let (density, to_world) = fire("density");

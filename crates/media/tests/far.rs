@@ -3,14 +3,17 @@
 
 use glam::{DAffine3, DQuat, DVec3, Vec3};
 use pileus_media::distance::DistanceSampler;
-use pileus_media::flakes::{FlakeGrid, FlakeScattering, FlakeShape, Flakes, Roughness};
+use pileus_media::emission::{EmissionField, EmissionSource};
+use pileus_media::majorant::MajorantStructure;
+use pileus_media::microflakes::{
+    MicroflakeGrid, MicroflakeScattering, MicroflakeShape, Microflakes, Roughness,
+};
 use pileus_media::phase::CosineGrid;
 use pileus_media::random::uniform;
 use pileus_media::transmittance::{Estimator, optical_depth};
 use pileus_media::{
-    Albedo, ColorGrid, EmissionField, EmissionSource, ExactField, Grey, Interpolation,
-    MajorantStructure, Medium, Phase, RayField, Relative, Spectrum, Tally, VoxelGrid,
-    VoxelGridOptions,
+    Albedo, ChromaticRatio, ColorGrid, ExactField, Grey, Interpolation, Medium, Phase, RayField,
+    Spectrum, Tally, VoxelGrid, VoxelGridOptions,
 };
 use pileus_vdb::{Tile, Tree};
 use rand_pcg::Pcg32;
@@ -216,8 +219,8 @@ fn clusters_far_apart_on_one_ray() {
     }
 }
 
-/// Emission, albedos, mean cosines and flakes by grids lie where the density does: at 10^8 voxels
-/// as at the origin.
+/// Emission, albedos, mean cosines and microflakes by grids lie where the density does: at 10^8
+/// voxels as at the origin.
 #[test]
 fn grids_of_other_properties_are_as_exact() {
     let place = [100_000_000; 3];
@@ -265,17 +268,22 @@ fn grids_of_other_properties_are_as_exact() {
         assert!((a - b).abs().max_element() < 1e-5, "{a} {b}");
         assert!((cosines[0].at_index(u) - cosines[1].at_index(p)).abs() < 1e-5);
     }
-    // Flakes by grid: the walk's extinction is that of the point, with the area that the flakes
-    // there show.
+    // Microflakes by grid: the walk's extinction is that of the point, with the area that the
+    // microflakes there show.
     let axes = |tree: &Tree<f32>| tree.clone().map(|v| [v, 0.4 - v, 0.1]);
-    let flakes = |tree: &Tree<f32>| {
+    let microflakes = |tree: &Tree<f32>| {
         let grid =
-            FlakeGrid::fibres(&axes(tree), Roughness::Constant(0.1), DAffine3::IDENTITY).unwrap();
-        Flakes::new(FlakeShape::Grid(Box::new(grid)), FlakeScattering::Specular, to_world.matrix3)
+            MicroflakeGrid::fibres(&axes(tree), Roughness::Constant(0.1), DAffine3::IDENTITY)
+                .unwrap();
+        Microflakes::new(
+            MicroflakeShape::Grid(Box::new(grid)),
+            MicroflakeScattering::Specular,
+            to_world.matrix3,
+        )
     };
     let of_flakes = |tree: &Tree<f32>| {
         let (grid, phase) =
-            (grid(tree, Interpolation::Trilinear), Phase::Flakes(Arc::new(flakes(tree))));
+            (grid(tree, Interpolation::Trilinear), Phase::Microflakes(Arc::new(microflakes(tree))));
         Medium::from_grid(grid, to_world, [0.3; 3], Albedo::Constant([1.0; 3]), phase).unwrap()
     };
     let (near, far) = (of_flakes(&near), of_flakes(&far));
@@ -405,7 +413,7 @@ fn shadow_rays_through_thin_fog_under_a_dense_bound_are_dimmed() {
     }
     // Channels as well: a weak one beside a strong one is what the strong one's majorant hides.
     let weak = Loose { sigma_t: 1.0, majorant: 1.0, length: 1e5, begun: false };
-    let relative = Relative(Vec3::new(0.0, 2e-6, 4e-6));
+    let relative = ChromaticRatio(Vec3::new(0.0, 2e-6, 4e-6));
     let colors = Estimator::Ratio.estimate(weak, relative, 0.1, &mut rng, tally);
     assert_eq!(colors.x, 1.0);
     for (channel, depth) in [(1, 0.2f64), (2, 0.4)] {

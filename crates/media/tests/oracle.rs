@@ -106,7 +106,7 @@ fn trackers_are_unbiased_on_every_ray() {
                 majorant_depth += (segment.t1 - segment.t0) * segment.majorant;
             }
             for (name_of, estimator, threshold) in methods {
-                // Loose stretches multiply their noise: beyond some stretches the mean of few
+                // Loose intervals multiply their noise: beyond some intervals the mean of few
                 // samples tells nothing.
                 if estimator == Estimator::Bidirectional && majorant_depth > 32.0 {
                     continue;

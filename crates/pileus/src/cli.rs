@@ -4,8 +4,9 @@ use std::path::PathBuf;
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand};
+use pileus_media::Interpolation;
+use pileus_media::method::Named;
 use pileus_media::transmittance::Estimator;
-use pileus_media::{Interpolation, Named};
 use pileus_scene::volume_spec::UpAxis;
 
 use crate::input::VdbOptions;
@@ -124,11 +125,12 @@ Writes majorants-NAME.csv, .html, and the plots as .svg and .png.")]
     #[command(after_long_help = "\
 Writes stability.md, stability.csv, stability.html and plots. The outcome is the same on every machine.")]
     Stability(ChartStabilityOptions),
-    /// Debiased transmittance under laws that are not exponential: variance and cost by how its
-    /// levels are chosen.
+    /// The debiasing series of non-exponential transmittance: variance and cost by how its levels
+    /// are chosen.
     #[command(after_long_help = "\
-Writes laws.csv, laws.html and plots. The figures are the same on every machine.")]
-    Laws(ChartLawsOptions),
+Writes debiasing.csv, debiasing.html and plots. The figures are the same on every machine.")]
+    #[command(alias = "laws")]
+    Debiasing(ChartDebiasingOptions),
 }
 
 /// Options of `chart transmittance`.
@@ -209,9 +211,9 @@ pub struct ChartStabilityOptions {
     pub output: PathBuf,
 }
 
-/// Options of `chart laws`.
+/// Options of `chart debiasing`.
 #[derive(Debug, Args)]
-pub struct ChartLawsOptions {
+pub struct ChartDebiasingOptions {
     /// Folder to write into.
     #[arg(short, long, value_name = "FOLDER", default_value = "charts")]
     pub output: PathBuf,

@@ -10,7 +10,7 @@ use pileus_scene::{Error, Place};
 use crate::failure::Failure;
 
 /// Largest number of bytes that are tried out.
-const MOST_TRIED: u64 = 1 << 28;
+const MAX_TRIED_BYTES: u64 = 1 << 28;
 
 /// A file that will be written.
 #[derive(Debug, Clone)]
@@ -59,7 +59,7 @@ pub(crate) fn check(reads: &[PathBuf], targets: &[Target]) -> Result<(), Failure
             bytes = beside.fold(0u64, |sum, other| sum.saturating_add(other.bytes));
             tried.push(folder);
         }
-        writable(target, bytes.min(MOST_TRIED))?;
+        writable(target, bytes.min(MAX_TRIED_BYTES))?;
     }
     Ok(())
 }
@@ -166,9 +166,9 @@ impl Identity {
 /// The path without links; of a file that does not exist that of its folder and its name.
 fn resolved(path: &Path) -> PathBuf {
     /// Most links in a row, as on Linux.
-    const MOST_LINKS: usize = 40;
+    const MAX_LINKS: usize = 40;
     let mut path = path.to_owned();
-    for _ in 0..MOST_LINKS {
+    for _ in 0..MAX_LINKS {
         if let Ok(whole) = fs::canonicalize(&path) {
             return whole;
         }

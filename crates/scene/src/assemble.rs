@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use glam::{DAffine3, DVec3};
 use pileus_math::Bounds3;
-use pileus_media::EmissionField;
+use pileus_media::emission::EmissionField;
 
 use crate::camera::Camera;
 use crate::error::{Error, Place};
@@ -189,17 +189,17 @@ impl Scene {
         })
     }
 
-    /// The volumes that give off light.
-    pub fn fires(&self) -> impl Iterator<Item = &Arc<EmissionField>> {
+    /// The volumes that emit light.
+    pub fn emissive_volumes(&self) -> impl Iterator<Item = &Arc<EmissionField>> {
         self.volumes.iter().filter_map(|volume| volume.emission.as_ref())
     }
 
     /// The box in world space that holds all bounded volumes and surfaces; `None` if there are
     /// none.
     pub fn bounds(&self) -> Option<Bounds3> {
-        let fires = self.fires().filter_map(|fire| fire.bounds_world());
+        let emissive = self.emissive_volumes().filter_map(|field| field.bounds_world());
         let volumes = self.volumes.iter().filter_map(|volume| volume.medium.bounds_world());
-        let volumes = volumes.chain(fires);
+        let volumes = volumes.chain(emissive);
         let surfaces = self.surfaces.iter().map(|surfaces| surfaces.bounds());
         volumes.chain(surfaces).reduce(Bounds3::union)
     }
@@ -242,7 +242,7 @@ impl Balls {
             if let Some((emission, bounds)) = lit {
                 add(bounds, &|p| f64::from(emission.emission(p).max_element()));
             }
-            // What only gives off light is seen by that alone.
+            // What only emits light is seen by that alone.
             let grid = volume.medium.grid();
             let clear = grid.is_some_and(|grid| grid.sigma_t_scale() == 0.0);
             if let Some(bounds) = volume.medium.bounds_world()
@@ -303,7 +303,7 @@ fn load_volumes(
         }
         if volume.emission.as_ref().is_some_and(|emission| emission.bounds_world().is_none()) {
             notes.push(format!(
-                "volume `{}` gives off no light: its emission is zero everywhere",
+                "volume `{}` emits no light: its emission is zero everywhere",
                 volume.name
             ));
         }

@@ -22,7 +22,7 @@ pub struct Document {
 pub struct Fault {
     /// JSON pointer (RFC 6901) of the value or key; empty for the whole text.
     pub pointer: String,
-    /// The faulty stretch of the text in bytes.
+    /// The faulty range of the text in bytes.
     pub span: Range<usize>,
     /// What is wrong.
     pub what: String,
@@ -160,7 +160,7 @@ fn whole_numbers(text: &str) -> Cow<'_, str> {
     editor.finish()
 }
 
-/// A text of which stretches are replaced, in ascending order.
+/// A text of which ranges are replaced, in ascending order.
 struct Editor<'a> {
     text: &'a str,
     edited: String,

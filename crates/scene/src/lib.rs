@@ -24,7 +24,9 @@ pub use light::punctual::*;
 pub use light::sky::{ClearSky, SkyFault, default_sky};
 pub use spec::by_name::ByName;
 pub use spec::volume_spec::VolumeSpec;
-pub use spec::{Hint, by_name, flake_spec, option, phase_spec, schema_rule, volume_spec, whole};
+pub use spec::{
+    Hint, by_name, microflake_spec, option, phase_spec, schema_rule, volume_spec, whole,
+};
 pub use surface::{
     EmissiveTriangle, GlassRule, Hit, Interaction, Interior, Obstacle, SurfaceParameters, Surfaces,
 };

@@ -3,10 +3,8 @@
 use crate::{floor, floor_scene};
 use glam::{DAffine3, DVec3, Vec3};
 use pileus_integrator::{LightSampling, RenderSettings};
-use pileus_media::{
-    Albedo, EmissionField, EmissionSource, Interpolation, Medium, Phase, VoxelGrid,
-    VoxelGridOptions,
-};
+use pileus_media::emission::{EmissionField, EmissionSource};
+use pileus_media::{Albedo, Interpolation, Medium, Phase, VoxelGrid, VoxelGridOptions};
 use pileus_scene::{Scene, Volume, VolumeSource};
 use pileus_tests::*;
 use pileus_vdb::Tree;
@@ -25,9 +23,9 @@ fn fire_that_draws_paths_is_fire_by_paths() {
     assert_same("fire", &both, &paths);
 }
 
-/// Two fires in smoke that scatters, grey and per channel, beside a lamp, a sun, constant light and
-/// rough glass: paths that are drawn to fires, weighted against shadow rays to the other lights,
-/// give what paths alone do.
+/// Two fires in smoke that scatters, grey and per channel, beside an area light, a sun, constant
+/// light and rough glass: paths that are drawn to fires, weighted against shadow rays to the other
+/// lights, give what paths alone do.
 #[test]
 fn fires_draw_paths_beside_all_other_light() {
     let mut rough = glass(1.4);
@@ -41,7 +39,10 @@ fn fires_draw_paths_beside_all_other_light() {
         scene.volumes.push(ball(centre, 0.3, 2.0, 0.3, [0.5, 1.0, 2.0]));
         scene.surfaces = Some(surfaces(&[
             (quad([-2.0, -0.75, -2.0], [0.0, 0.0, 4.0], [4.0, 0.0, 0.0]), lambert([0.5; 3])),
-            (quad([-0.8, 1.2, -0.8], [0.8, 0.0, 0.0], [0.0, 0.0, 1.6]), lamp([0.3; 3], [1.0; 3])),
+            (
+                quad([-0.8, 1.2, -0.8], [0.8, 0.0, 0.0], [0.0, 0.0, 1.6]),
+                area_light([0.3; 3], [1.0; 3]),
+            ),
             (sphere(DVec3::new(0.6, -0.3, 0.5), 0.35, 8), rough.clone()),
         ]));
         scene.lights.push(sun(Vec3::new(0.8, 0.5, -0.3), Vec3::splat(0.3), 0.4));

@@ -81,14 +81,14 @@ fn glass_that_scatters_inside() {
     }
 }
 
-/// Everything at one temperature: bodies give off what they absorb (Kirchhoff), light is one
-/// everywhere. Lamps, fire, media and surfaces at once, by shadow rays and paths, and by paths
-/// alone; grey and per channel.
+/// Everything at one temperature: bodies emit what they absorb (Kirchhoff), light is one
+/// everywhere. Area lights, fire, media and surfaces at once, by shadow rays and paths, and by
+/// paths alone; grey and per channel.
 #[test]
 fn thermal_equilibrium() {
     let mut meshes = Vec::new();
-    let grey_body = |reflected: [f32; 3]| lamp(reflected, reflected.map(|r| 1.0 - r));
-    // Its back absorbs, and so has to give off light.
+    let grey_body = |reflected: [f32; 3]| area_light(reflected, reflected.map(|r| 1.0 - r));
+    // Its back absorbs, and so has to emit light.
     let mut ground = grey_body([0.6, 0.5, 0.4]);
     ground["doubleSided"] = serde_json::json!(true);
     meshes.push((floor(0.9, 1.0).0, ground));

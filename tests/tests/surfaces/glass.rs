@@ -155,8 +155,8 @@ fn scattering_inside_is_a_homogeneous_medium() {
 }
 
 /// Bodies that shadow rays can cross, rough glass and wax (diffuse transmission), absorb and
-/// scatter inside: shadow rays through their skin towards lamps, a sun and a sky outside, and from
-/// outside to a lamp inside, find what paths alone find.
+/// scatter inside: shadow rays through their skin towards area lights, a sun and a sky outside, and
+/// from outside to an area light inside, find what paths alone find.
 #[test]
 fn shadow_rays_through_the_skin_of_bodies() {
     let volume = |color: [f32; 3]| json!({"thicknessFactor": 1.0, "attenuationDistance": 0.3, "attenuationColor": color});
@@ -173,7 +173,7 @@ fn shadow_rays_through_the_skin_of_bodies() {
     wax["extensions"]["KHR_materials_diffuse_transmission"] = json!({"diffuseTransmissionFactor": 0.7,
         "diffuseTransmissionColorFactor": [0.9, 0.8, 0.7]});
     wax["extensions"]["KHR_materials_volume"] = volume([0.6, 0.5, 0.2]);
-    for (k, (name, material, lamp_inside)) in [
+    for (k, (name, material, area_light_inside)) in [
         ("rough", rough([0.6, 0.3, 0.1]), false),
         ("milky", milky, true),
         ("wax", wax.clone(), false),
@@ -187,14 +187,14 @@ fn shadow_rays_through_the_skin_of_bodies() {
             (sphere(DVec3::ZERO, 0.7, 8), material.clone()),
             (quad([-2.0, -0.75, -2.0], [0.0, 0.0, 4.0], [4.0, 0.0, 0.0]), lambert([0.5; 3])),
         ];
-        if lamp_inside {
+        if area_light_inside {
             meshes.push((
                 sphere(DVec3::new(0.1, 0.1, 0.0), 0.25, 3),
-                lamp([0.3; 3], [3.0, 2.0, 4.0]),
+                area_light([0.3; 3], [3.0, 2.0, 4.0]),
             ));
         } else {
             let a_lamp = quad([-0.8, 1.2, -0.8], [0.8, 0.0, 0.0], [0.0, 0.0, 1.6]);
-            meshes.push((a_lamp, lamp([0.0; 3], [3.0, 2.0, 1.0])));
+            meshes.push((a_lamp, area_light([0.0; 3], [3.0, 2.0, 1.0])));
             scene.lights.push(sun(Vec3::new(0.8, 0.5, -0.3), Vec3::splat(1.0), 0.4));
         }
         scene.surfaces = Some(surfaces(&meshes));
@@ -203,6 +203,6 @@ fn shadow_rays_through_the_skin_of_bodies() {
         };
         let both = by(LightSampling::Both, 64, 30 + k as u64);
         let paths = by(LightSampling::Paths, 192, 40 + k as u64);
-        assert_same(&format!("{name}, lamp inside {lamp_inside}"), &both, &paths);
+        assert_same(&format!("{name}, area light inside {area_light_inside}"), &both, &paths);
     }
 }

@@ -1,10 +1,10 @@
 //! Surfaces and light from volumes in whole pictures: closed forms, furnaces, techniques against
 //! each other.
 
+mod area_lights;
 mod fire;
 mod furnace;
 mod glass;
-mod lamps;
 mod occlusion;
 mod punctual;
 

@@ -62,16 +62,17 @@ fn sheets_shade_smoke_by_their_alpha() {
     assert_same("two sheets", &open, &by(&two, 4));
 }
 
-/// No bounces: fire, lamps and background, each behind what is before it.
+/// No bounces: fire, area lights and background, each behind what is before it.
 #[test]
 fn no_bounces_show_what_shines() {
     let (sigma_t, e) = (1.5f64, 0.8f64);
     let mut scene = scene(vec![], DVec3::new(0.0, 0.3, 4.0), DVec3::ZERO, 50.0);
     scene.volumes.push(glowing_cube(0.5, [1.5; 3], [0.6; 3], [0.8; 3]));
-    let lamp_at = quad([-1.5, -0.6, -2.0], [1.5, 0.0, 0.0], [0.0, 3.0, 0.0]);
+    let area_light_at = quad([-1.5, -0.6, -2.0], [1.5, 0.0, 0.0], [0.0, 3.0, 0.0]);
     let (plane, material) = floor(1.5, 0.9);
     let plane = plane.into_iter().map(|t| t.map(|[x, y, z]| [x, y - 0.7, z])).collect();
-    scene.surfaces = Some(surfaces(&[(plane, material), (lamp_at, lamp([0.5; 3], [2.0; 3]))]));
+    scene.surfaces =
+        Some(surfaces(&[(plane, material), (area_light_at, area_light([0.5; 3], [2.0; 3]))]));
     scene.environment.constant = Vec3::splat(0.3);
     scene.lights.push(sun(Vec3::Y, Vec3::ONE, 0.0));
     for light_sampling in [LightSampling::Both, LightSampling::Paths] {

@@ -107,16 +107,16 @@ fn many_punctual_lights_are_the_closed_forms() {
 }
 
 /// Points at equal angles beside flights, where surfaces end rays, cast shadows and light the
-/// smoke, and where a lamp has to be weighted, too: the picture of flights alone.
+/// smoke, and where an area light has to be weighted, too: the picture of flights alone.
 #[test]
 fn equal_angles_among_surfaces() {
     let smoke = lumpy_grid(1.2, [0.4; 3], [0.9, 0.8, 0.7], Phase::henyey_greenstein(0.4));
-    let lamp_up = quad([-1.0, 1.0, -0.5], [0.5, 0.0, 0.0], [0.0, 0.0, 0.5]);
+    let area_light_up = quad([-1.0, 1.0, -0.5], [0.5, 0.0, 0.0], [0.0, 0.0, 0.5]);
     let meshes = [
         floor(1.2, 0.6),
         (sphere(DVec3::new(0.4, 0.3, 0.3), 0.25, 6), lambert([0.7; 3])),
         (sphere(DVec3::new(-0.5, 0.3, 0.5), 0.25, 6), glass(1.3)),
-        (lamp_up, lamp([0.0; 3], [1.0, 2.0, 3.0])),
+        (area_light_up, area_light([0.0; 3], [1.0, 2.0, 3.0])),
     ];
     let mut scene: Scene =
         scene(vec![smoke], DVec3::new(1.0, 1.2, 3.0), DVec3::new(0.0, 0.3, 0.0), 34.0);

@@ -191,7 +191,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         if light.distance < f64::INFINITY
             && let Some(interior) = vertex.interior(interiors, light.wi)
         {
-            // As for paths: a ray that goes on for ever without a surface is in no interior medium.
+            // As for paths: a ray that goes on forever without a surface is in no interior medium.
             attenuation = interior::transmittance(interior, light.distance);
         }
         Some(Way { attenuation, passage: None })

@@ -51,7 +51,7 @@ impl Passage {
             {
                 return None;
             }
-            // As for paths: a ray that goes on for ever without a surface is in no body.
+            // As for paths: a ray that goes on forever without a surface is in no body.
             if let Some(body) = inside.last()
                 && (hit.is_some() || left < f64::INFINITY)
             {

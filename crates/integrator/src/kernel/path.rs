@@ -417,7 +417,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         if V::IN_MEDIUM {
             tracing.recorder.medium_interaction(p, path.beta, tracing.radiance);
         }
-        // Light that smooth glass reflects for ever loses nothing: long paths end by chance at
+        // Light that smooth glass reflects forever loses nothing: long paths end by chance at
         // surfaces, never in media, which let go of theirs.
         let trapped = !V::IN_MEDIUM && path.bounces > LONG_PATH_BOUNCES;
         // How much light a direction drawn by an emissive volume stands for says nothing of how

@@ -6,7 +6,7 @@ use super::surface::SurfacePath;
 use crate::media::Ray;
 use glam::{DVec3, Vec3};
 pub(crate) use pileus_math::luminance;
-use pileus_media::EmissionField;
+use pileus_media::emission::EmissionField;
 use pileus_scene::{Hit, Interaction, Surfaces};
 use rand_core::Rng;
 use std::sync::Arc;

@@ -1,4 +1,4 @@
-//! Volumes that give off light, as what paths are drawn to.
+//! Volumes that emit light, as what paths are drawn to.
 //!
 //! No shadow rays are sent to emissive volumes: a share of the directions in which paths go on is
 //! drawn by what the vertex sees of them, and the flight collects whatever lies on its way, light
@@ -7,8 +7,8 @@
 
 use glam::{DVec3, Vec3};
 use pileus_math::Bounds3;
+use pileus_media::emission::{EmissionDirections, EmissionView};
 use pileus_media::phase::ISOTROPIC;
-use pileus_media::{EmissionDirections, EmissionView};
 use pileus_scene::{Scene, Volume};
 use smallvec::SmallVec;
 use std::sync::Arc;
@@ -46,7 +46,7 @@ pub(crate) struct EmissionMixture {
 
 impl EmissiveVolume {
     /// An emissive volume seen through all volumes of a scene; `None` if nothing emits.
-    fn new(scene: &Scene, field: &pileus_media::EmissionField) -> Option<EmissiveVolume> {
+    fn new(scene: &Scene, field: &pileus_media::emission::EmissionField) -> Option<EmissiveVolume> {
         let Bounds3 { low, high } = field.bounds_world()?;
         // Somewhat more than the volume, as the tables are.
         let more = high - low;
@@ -81,7 +81,10 @@ impl EmissiveVolume {
 impl EmissiveVolumes {
     pub(crate) fn new(scene: &Scene) -> EmissiveVolumes {
         EmissiveVolumes {
-            volumes: scene.fires().filter_map(|field| EmissiveVolume::new(scene, field)).collect(),
+            volumes: scene
+                .emissive_volumes()
+                .filter_map(|field| EmissiveVolume::new(scene, field))
+                .collect(),
         }
     }
 

@@ -3,7 +3,7 @@
 use super::walks::has_to_be_walked;
 use super::{Ray, StartCorrelation};
 use glam::Vec3;
-use pileus_media::law::{self, Law, Passage};
+use pileus_media::transmittance_function::{self, Passage, TransmittanceFunction};
 use pileus_media::{AnyRay, FieldKernel, Medium, Span};
 use rand_core::Rng;
 
@@ -18,11 +18,19 @@ pub(super) struct Entry<'a> {
 }
 
 /// The transmittance function of a medium as seen from where a ray starts.
-pub(super) fn passage(law: &Law, start: StartCorrelation, medium: usize) -> Passage<'_> {
+pub(super) fn passage(
+    function: &TransmittanceFunction,
+    start: StartCorrelation,
+    medium: usize,
+) -> Passage<'_> {
     let correlated = start == Some(medium);
     Passage {
-        law,
-        start: if correlated { law::Start::Correlated } else { law::Start::Uncorrelated },
+        function,
+        start: if correlated {
+            transmittance_function::StartCorrelation::Correlated
+        } else {
+            transmittance_function::StartCorrelation::Uncorrelated
+        },
     }
 }
 

@@ -24,15 +24,15 @@ use super::{Collision, FlightEnd, Media, MediaIndex, Methods, Ray, RaySegment, S
 use glam::{DVec3, Vec3};
 use pileus_math::random::exponential;
 use pileus_media::distance::{
-    DistanceSampler, Flight, WeightedFlight, regular_flight, regular_flight_under_law,
+    DistanceSampler, Flight, WeightedFlight, regular_flight, regular_flight_non_exponential,
 };
-use pileus_media::law::Passage;
 use pileus_media::transmittance::{
-    Estimator, RatioEstimate, Telescope, debiased_under_law, exact_under_law,
+    DebiasingSeries, Estimator, RatioEstimate, debiased_non_exponential, exact_non_exponential,
     ratio_tracking_with_roulette,
 };
+use pileus_media::transmittance_function::Passage;
 use pileus_media::{
-    Channels, ExactField, FieldKernel, Grey, Medium, PhaseAt, Relative, Spectrum, Tally,
+    Channels, ChromaticRatio, ExactField, FieldKernel, Grey, Medium, PhaseAt, Spectrum, Tally,
     TentativeCollisions,
 };
 use rand_core::Rng;
@@ -47,7 +47,7 @@ pub(crate) struct Merged<'a, C> {
     channels: C,
     /// How debiased ray marching chooses its levels under transmittance functions that are not
     /// exponential.
-    series: Telescope,
+    series: DebiasingSeries,
     /// Whether flights take tentative collisions in order, and not medium by medium.
     tracks: bool,
     /// Whether null decisions belong into weights, in media whose channels differ and in grey ones.
@@ -121,7 +121,7 @@ impl<'a, C: ChannelMode> Merged<'a, C> {
         (media, index): (&'a [Arc<Medium>], &'a MediaIndex),
         methods: Methods,
         channels: C,
-        series: Telescope,
+        series: DebiasingSeries,
     ) -> Merged<'a, C> {
         let tracks = matches!(methods.distance, DistanceSampler::Spectral | DistanceSampler::Delta);
         let weighs = [false, true].map(|grey| methods.weigh_the_way(grey));
@@ -160,9 +160,9 @@ impl<'a, C: ChannelMode> Merged<'a, C> {
         let Some(span) = medium.span(ray.origin, ray.direction, t_max) else { return false };
         let mut weighted = self.weighs[usize::from(C::GREY || ratio == Vec3::ONE)];
         let mut rate = 1.0;
-        if let Some(law) = medium.transmittance_function() {
+        if let Some(function) = medium.transmittance_function() {
             weighted = false;
-            rate = passage(law, start, number).rate(rng).unwrap_or(1.0);
+            rate = passage(function, start, number).rate(rng).unwrap_or(1.0);
         }
         let ratio = if C::GREY { Vec3::ONE } else { ratio / share };
         let place = (number, span.t_enter);
@@ -264,11 +264,11 @@ impl<'a, C: ChannelMode> Merged<'a, C> {
             let number = entry.medium();
             let medium = &*self.media[number];
             let own = match medium.transmittance_function() {
-                Some(law) if runs_on_rates(medium, law) => {
-                    entry.draw_rate(passage(law, start, number), rng);
+                Some(function) if runs_on_rates(medium, function) => {
+                    entry.draw_rate(passage(function, start, number), rng);
                     None
                 }
-                Some(law) => Some(Some(passage(law, start, number))),
+                Some(function) => Some(Some(passage(function, start, number))),
                 None => too_long_to_walk(medium, ray, t_max).map(|_| None),
             };
             let Some(passage) = own else {
@@ -324,11 +324,12 @@ impl<'a, C: ChannelMode> Merged<'a, C> {
                 sampler => sampler,
             };
             let first = first.take();
-            let passage = medium.transmittance_function().map(|law| passage(law, start, number));
+            let passage =
+                medium.transmittance_function().map(|function| passage(function, start, number));
             let by_depth = match passage {
                 Some(passage) => {
                     let exact = sampler == DistanceSampler::Regular;
-                    let rates = !exact && runs_on_rates(medium, passage.law);
+                    let rates = !exact && runs_on_rates(medium, passage.function);
                     if rates {
                         entry.draw_rate(passage, rng);
                     }
@@ -348,7 +349,7 @@ impl<'a, C: ChannelMode> Merged<'a, C> {
                         sampler.fly(field, Grey, 1.0, first, rng, tally);
                     WeightedFlight { flight, weight: Vec3::splat(weight), null_probability }
                 } else {
-                    sampler.fly(field, Relative(ratio), beta, first, rng, tally)
+                    sampler.fly(field, ChromaticRatio(ratio), beta, first, rng, tally)
                 }
             };
             flight.weigh(result.weight);
@@ -420,9 +421,9 @@ impl<'a, C: ChannelMode> Merged<'a, C> {
             };
             let mut known = self.weighs[usize::from(grey)];
             let mut rate = 1.0;
-            if let Some(law) = medium.transmittance_function() {
+            if let Some(function) = medium.transmittance_function() {
                 known = false;
-                rate = passage(law, start, number).rate(rng).unwrap_or(1.0);
+                rate = passage(function, start, number).rate(rng).unwrap_or(1.0);
             }
             if grey {
                 let kernel = ShadowThrough { channels: Grey, threshold, rng, tally };
@@ -436,7 +437,7 @@ impl<'a, C: ChannelMode> Merged<'a, C> {
             let Some((share, ratios)) = self.channels.shadow_ratios(beta, ratio) else {
                 return Shadow::CLEAR;
             };
-            let kernel = ShadowThrough { channels: Relative(ratios), threshold, rng, tally };
+            let kernel = ShadowThrough { channels: ChromaticRatio(ratios), threshold, rng, tally };
             let estimate = medium.with_ray(&span, share * rate, kernel);
             let nulls = if known { estimate.null_probability } else { Vec3::ONE };
             return Shadow { transmittance: estimate.transmittance, null_probability: nulls };
@@ -470,8 +471,8 @@ impl<'a, C: ChannelMode> Merged<'a, C> {
         let Some(mut entry) = Entry::new(number, medium, ray, t_max) else {
             return Shadow::CLEAR;
         };
-        if let Some(law) = medium.transmittance_function() {
-            let passage = passage(law, start, number);
+        if let Some(function) = medium.transmittance_function() {
+            let passage = passage(function, start, number);
             if !self.draw_rate(&mut entry, passage, rng) {
                 let transmittance = self.exact_or_debiased(&entry, passage, rng, tally);
                 return Shadow { transmittance, ..Shadow::CLEAR };
@@ -489,7 +490,7 @@ impl<'a, C: ChannelMode> Merged<'a, C> {
             Some((1.0, ratio))
         };
         let Some((share, ratios)) = ratios else { return Shadow::CLEAR };
-        let channels = (share, Relative(ratios));
+        let channels = (share, ChromaticRatio(ratios));
         let (transmittance, null_probability) =
             self.estimate(&entry, channels, known, threshold, (rng, tally));
         Shadow { transmittance, null_probability }
@@ -509,7 +510,7 @@ impl<'a, C: ChannelMode> Merged<'a, C> {
             self.methods.transmittance,
             Estimator::Regular | Estimator::DebiasedRayMarching
         ) || has_to_be_walked(medium);
-        let rates = rates && runs_on_rates(medium, passage.law);
+        let rates = rates && runs_on_rates(medium, passage.function);
         if rates {
             entry.draw_rate(passage, rng);
         }
@@ -525,11 +526,11 @@ impl<'a, C: ChannelMode> Merged<'a, C> {
         rng: &mut R,
         tally: &mut Tally,
     ) -> Vec3 {
-        let (field, channels) = (entry.field(1.0), Relative(entry.ratio()));
+        let (field, channels) = (entry.field(1.0), ChromaticRatio(entry.ratio()));
         if self.methods.transmittance == Estimator::DebiasedRayMarching {
-            return debiased_under_law(field, passage, channels, self.series, rng, tally);
+            return debiased_non_exponential(field, passage, channels, self.series, rng, tally);
         }
-        exact_under_law(&field, passage, channels, tally)
+        exact_non_exponential(&field, passage, channels, tally)
     }
 }
 
@@ -555,11 +556,11 @@ fn fly_by_depth<R: Rng + Clone>(
     rng: &mut R,
     tally: &mut Tally,
 ) -> WeightedFlight<Vec3> {
-    let (field, channels) = (entry.field(1.0), Relative(entry.ratio()));
+    let (field, channels) = (entry.field(1.0), ChromaticRatio(entry.ratio()));
     match passage {
         None => regular_flight(&field, channels, beta, drawn, rng, tally),
         Some(passage) => {
-            regular_flight_under_law(&field, passage, channels, beta, drawn, rng, tally)
+            regular_flight_non_exponential(&field, passage, channels, beta, drawn, rng, tally)
         }
     }
 }
@@ -637,7 +638,7 @@ impl<'a, C: ChannelMode> Media for Merged<'a, C> {
                 // no depth.
                 let per_path = medium
                     .transmittance_function()
-                    .map_or(1.0, |law| 1.0 / law.mean_free_path() as f32);
+                    .map_or(1.0, |function| 1.0 / function.mean_free_path() as f32);
                 let sigma_t = sigma_t * per_path * medium.projected_area(p_world, incoming);
                 let sigma_t = medium.chromatic_ratio() * sigma_t;
                 visit(medium.albedo_at(p_world) * sigma_t, medium.phase_at(p_world, incoming, rng));
@@ -666,7 +667,7 @@ impl<'a, C: ChannelMode> Media for Merged<'a, C> {
         rng: &mut R,
     ) -> (PhaseAt<'_>, Vec3) {
         let medium = &*self.media[collision.medium];
-        let phase = match medium.phase().plain() {
+        let phase = match medium.phase().hg_or_isotropic() {
             Some(phase) => phase,
             None => other_phase(medium, p_world, incoming, rng),
         };

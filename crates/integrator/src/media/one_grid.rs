@@ -5,8 +5,9 @@ use super::channels::{ChannelMode, FlightUnderWay};
 use super::collisions::OneMedium;
 use super::{Collision, FlightEnd, Media, Ray, RaySegment, Shadow};
 use glam::{DVec3, Vec3};
+use pileus_media::kernel::{GridShape, Voxel};
 use pileus_media::transmittance::ratio_tracking_with_roulette;
-use pileus_media::{Grey, GridShape, Medium, PhaseAt, Relative, Tally, TentativeCollisions, Voxel};
+use pileus_media::{ChromaticRatio, Grey, Medium, PhaseAt, Tally, TentativeCollisions};
 use rand_core::Rng;
 use std::marker::PhantomData;
 
@@ -27,7 +28,7 @@ pub(crate) struct IsotropicOrHenyeyGreenstein;
 impl PhaseAxis for IsotropicOrHenyeyGreenstein {
     #[inline(always)]
     fn at<'a, R: Rng + Clone>(medium: &'a Medium, _: DVec3, _: Vec3, _: &mut R) -> PhaseAt<'a> {
-        medium.phase().plain().unwrap_or(PhaseAt::Isotropic)
+        medium.phase().hg_or_isotropic().unwrap_or(PhaseAt::Isotropic)
     }
 }
 
@@ -111,7 +112,8 @@ impl<V: Voxel, C: ChannelMode, P: PhaseAxis> Media for OneGrid<'_, V, C, P> {
                 null_probability: Vec3::splat(estimate.null_probability),
             };
         }
-        let estimate = ratio_tracking_with_roulette(walk, Relative(ratios), threshold, rng, tally);
+        let estimate =
+            ratio_tracking_with_roulette(walk, ChromaticRatio(ratios), threshold, rng, tally);
         Shadow {
             transmittance: estimate.transmittance,
             null_probability: estimate.null_probability,

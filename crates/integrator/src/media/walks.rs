@@ -4,7 +4,7 @@
 use super::index::Walk;
 use super::{Ray, Shadow};
 use glam::Vec3;
-use pileus_media::law::Law;
+use pileus_media::transmittance_function::TransmittanceFunction;
 use pileus_media::{Medium, Span, Spectrum};
 
 /// Transmittance of a grey homogeneous medium up to `t_max`: closed form; `None` for other media.
@@ -15,7 +15,8 @@ pub(super) fn closed_form(medium: &Medium, ray: &Ray, t_max: f64) -> Option<f32>
     }
     let span = shape.span(ray.origin, ray.direction, t_max);
     let length = span.map_or(0.0, |span| span.length);
-    let shown = medium.phase().flakes().map_or(1.0, |flakes| flakes.largest_area(ray.direction));
+    let shown =
+        medium.phase().microflakes().map_or(1.0, |flakes| flakes.largest_area(ray.direction));
     let tau = f64::from(shape.sigma_t() * shown) * f64::from(length);
     // 0 x infinity: no extinction in all space.
     Some(if tau.is_nan() { 1.0 } else { libm::exp(-tau) as f32 })
@@ -53,33 +54,34 @@ pub(super) fn too_long_to_walk(medium: &Medium, ray: &Ray, t_max: f64) -> Option
     }
     let shape = medium.homogeneous_box()?;
     let length = shape.span(ray.origin, ray.direction, t_max)?.length;
-    let shown = medium.phase().flakes().map_or(1.0, |flakes| flakes.largest_area(ray.direction));
+    let shown =
+        medium.phase().microflakes().map_or(1.0, |flakes| flakes.largest_area(ray.direction));
     let depth = f64::from(shape.sigma_t() * shown) * f64::from(length);
     (depth > MAX_WALKED_DEPTH).then_some(depth)
 }
 
 /// Whether a medium's flights and shadow rays run on a drawn rate: homogeneous media have closed
 /// forms.
-pub(super) fn runs_on_rates(medium: &Medium, law: &Law) -> bool {
-    medium.grid().is_some() && law.is_mixture_of_exponentials()
+pub(super) fn runs_on_rates(medium: &Medium, function: &TransmittanceFunction) -> bool {
+    medium.grid().is_some() && function.is_mixture_of_exponentials()
 }
 
 /// Whether flights through a medium invert its optical depth whatever the plan's methods are.
 pub(crate) fn flies_by_depth(medium: &Medium) -> bool {
     is_uneven(medium)
-        || medium.transmittance_function().is_some_and(|law| !runs_on_rates(medium, law))
+        || medium.transmittance_function().is_some_and(|function| !runs_on_rates(medium, function))
 }
 
 /// Whether a medium has no exact depths, so that it is walked whatever the plan's methods are.
 pub(super) fn has_to_be_walked(medium: &Medium) -> bool {
-    medium.phase().flakes().is_some_and(|flakes| flakes.by_grid())
+    medium.phase().microflakes().is_some_and(|flakes| flakes.by_grid())
 }
 
 /// What a medium needs of a flight.
 pub(super) fn walk_of(medium: &Medium) -> Walk {
     match (medium.default_grid(), medium.transmittance_function()) {
         (Some(_), None) => Walk::Grid,
-        (Some(_), Some(law)) if runs_on_rates(medium, law) => Walk::GridOnRates,
+        (Some(_), Some(function)) if runs_on_rates(medium, function) => Walk::GridOnRates,
         _ => Walk::Other,
     }
 }

@@ -20,8 +20,9 @@ pub struct PlannedVolume {
     pub voxels: Option<&'static str>,
     /// Bytes of voxels, bounds and tables.
     pub bytes: u64,
-    /// Transmittance law; none is the exponential one.
-    pub law: Option<String>,
+    /// Transmittance function; none is the exponential one.
+    #[serde(rename = "law")]
+    pub transmittance_function: Option<String>,
     /// Phase function.
     pub phase: String,
     /// Albedo.
@@ -66,7 +67,7 @@ pub(super) fn describe(name: &str, medium: &Medium) -> PlannedVolume {
         sigma_t_max: medium.largest_sigma_t(),
         voxels: report.map(|report| if report.stored_as_half { "binary16" } else { "binary32" }),
         bytes: report.map_or(0, |r| r.bytes_voxels + r.bytes_bounds + r.bytes_index),
-        law: medium.transmittance_function().map(ToString::to_string),
+        transmittance_function: medium.transmittance_function().map(ToString::to_string),
         phase,
         albedo: match medium.optics().albedo() {
             Albedo::Constant(albedo) => color(*albedo),

@@ -8,8 +8,8 @@ use crate::lights::Lights;
 use crate::media::{Methods, flies_by_depth};
 use crate::settings::RenderSettings;
 use pileus_media::distance::DistanceSampler;
+use pileus_media::method::{Transmittances, Work};
 use pileus_media::transmittance::Estimator;
-use pileus_media::{Transmittances, Work};
 use pileus_scene::{Scene, Volume};
 
 /// Mean optical depth of the media below which points seen by point-like lights at equal angles pay
@@ -62,24 +62,24 @@ pub(super) fn choose_equiangular(
     chosen
 }
 
-/// Whether methods can serve the scene's laws, and how they do.
+/// Whether methods can serve the scene's transmittance functions, and how they do.
 ///
 /// # Errors
-/// If a method that assumes the exponential law was asked for by name, and a volume follows
-/// another.
-pub(super) fn check_laws(
+/// If a method that assumes the exponential transmittance was asked for by name, and a volume
+/// follows another.
+pub(super) fn check_transmittance_functions(
     scene: &Scene,
     settings: &RenderSettings,
     methods: Methods,
     reasons: &mut Vec<String>,
 ) -> Result<(), Error> {
     for volume in &scene.volumes {
-        let Some(law) = volume.medium.transmittance_function() else { continue };
-        let (name, rates) = (&volume.name, law.is_mixture_of_exponentials());
-        if !rates && volume.medium.phase().flakes().is_some_and(|flakes| flakes.by_grid()) {
+        let Some(function) = volume.medium.transmittance_function() else { continue };
+        let (name, rates) = (&volume.name, function.is_mixture_of_exponentials());
+        if !rates && volume.medium.phase().microflakes().is_some_and(|flakes| flakes.by_grid()) {
             return Err(Error::Scene {
                 what: format!(
-                    "volume `{name}` has microflakes by grid and a transmittance function ({law}) that would need exact depths through them"
+                    "volume `{name}` has microflakes by grid and a transmittance function ({function}) that would need exact depths through them"
                 ),
                 remedies: vec![Remedy::Scene(
                     "give the microflakes as numbers, or the volume a mixture of exponentials",
@@ -96,7 +96,7 @@ pub(super) fn check_laws(
             parameter,
             value: method.to_owned(),
             why: format!(
-                "it assumes the exponential law, but volume `{name}` follows another ({law})"
+                "it assumes the exponential transmittance, but volume `{name}` has another ({function})"
             ),
             remedies: instead
                 .iter()
@@ -117,15 +117,15 @@ pub(super) fn check_laws(
         }
         let by_rate = by_rates && methods.distance != DistanceSampler::Regular;
         reasons.push(format!(
-            "volume `{name}` follows the law {law}: flights {}, transmittance {}",
+            "volume `{name}` has the transmittance function {function}: flights {}, transmittance {}",
             if by_rate {
-                "on the extinction times a drawn rate, since the law is a mixture of exponential ones"
+                "on the extinction times a drawn rate, since it is a mixture of exponentials"
             } else {
                 "by exact inversion of the depth"
             },
             match methods.transmittance {
                 Estimator::DebiasedRayMarching => {
-                    format!("by a telescoping series of exponent {}", settings.level_exponent)
+                    format!("by a debiasing series of exponent {}", settings.continuation_exponent)
                 }
                 Estimator::Regular => "exact".to_owned(),
                 _ if by_rates => "likewise".to_owned(),
@@ -134,7 +134,7 @@ pub(super) fn check_laws(
         ));
         if volume.emission.is_some() {
             reasons.push(format!(
-                "the light that volume `{name}` gives off is taken as uncorrelated with its particles"
+                "the light that volume `{name}` emits is taken as uncorrelated with its particles"
             ));
         }
     }
@@ -263,8 +263,9 @@ pub(super) fn choose(
 
 /// Volumes whose microflakes differ from place to place.
 fn microflakes_by_grid(scene: &Scene) -> impl Iterator<Item = &Volume> {
-    let by_grid =
-        |volume: &&Volume| volume.medium.phase().flakes().is_some_and(|flakes| flakes.by_grid());
+    let by_grid = |volume: &&Volume| {
+        volume.medium.phase().microflakes().is_some_and(|flakes| flakes.by_grid())
+    };
     scene.volumes.iter().filter(by_grid)
 }
 

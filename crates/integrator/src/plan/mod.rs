@@ -20,9 +20,11 @@ use crate::lights::Lights;
 use crate::media::Methods;
 use crate::settings::{RenderSettings, by_name};
 use media::{DENSE, densest, describe};
+use pileus_media::Medium;
 use pileus_media::distance::DistanceSampler;
+use pileus_media::majorant::MajorantStructure;
+use pileus_media::method::Expectation;
 use pileus_media::transmittance::Estimator;
-use pileus_media::{Expectation, MajorantStructure, Medium};
 use pileus_scene::{Scene, Surfaces};
 use serde::Serialize;
 
@@ -80,7 +82,7 @@ struct Facts {
     /// Whether extinction is the same in all channels of every volume.
     grey: bool,
     /// Whether all phase functions are isotropic or Henyey-Greenstein, the same everywhere.
-    plain_phase: bool,
+    hg_or_isotropic: bool,
     wide: bool,
     /// Whether walks by tentative collisions would be very long.
     dense: bool,
@@ -95,7 +97,7 @@ impl Facts {
         let media =
             || scene.volumes.iter().map(|volume| &*volume.medium).filter(|m| extinguishes(m));
         let wide = |medium: &Medium| medium.grid().is_some_and(|grid| grid.is_wide());
-        let microflakes = media().any(|medium| medium.phase().flakes().is_some());
+        let microflakes = media().any(|medium| medium.phase().microflakes().is_some());
         let non_exponential = media().any(|medium| medium.transmittance_function().is_some());
         let grid = media().all(|m| m.grid().is_some() && !wide(m));
         let volumes = media().count();
@@ -103,12 +105,12 @@ impl Facts {
             volumes,
             one_grid: volumes == 1 && grid && !microflakes && !non_exponential,
             grey: media().all(Medium::is_grey),
-            plain_phase: media().all(|medium| medium.phase().plain().is_some()),
+            hg_or_isotropic: media().all(|medium| medium.phase().hg_or_isotropic().is_some()),
             wide: media().any(wide),
             dense: densest(scene, settings).is_some_and(|(depth, _)| depth > DENSE),
             microflakes,
             non_exponential,
-            emissive_volumes: scene.fires().count(),
+            emissive_volumes: scene.emissive_volumes().count(),
         }
     }
 
@@ -138,7 +140,7 @@ impl Facts {
             events,
             channels,
             world: if surfaces { World::VolumesAndSurfaces } else { World::Volumes },
-            phase: if self.plain_phase && events == Events::OneGrid {
+            phase: if self.hg_or_isotropic && events == Events::OneGrid {
                 PhaseFunctions::IsotropicOrHenyeyGreenstein
             } else {
                 PhaseFunctions::Any
@@ -311,7 +313,7 @@ impl Plan {
             );
         }
         if facts.non_exponential {
-            methods::check_laws(scene, settings, methods, &mut reasons)?;
+            methods::check_transmittance_functions(scene, settings, methods, &mut reasons)?;
         }
         let equiangular = !facts.non_exponential
             && methods::choose_equiangular(scene, settings, lights, &mut reasons);

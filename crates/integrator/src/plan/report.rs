@@ -34,7 +34,9 @@ impl fmt::Display for Plan {
                 volume.kind,
                 if volume.grey { "" } else { " per channel" },
                 volume.sigma_t_max,
-                volume.law.as_ref().map_or(String::new(), |law| format!(", law {law}")),
+                volume.transmittance_function.as_ref().map_or(String::new(), |function| format!(
+                    ", transmittance function {function}"
+                )),
                 volume.phase,
                 volume.albedo,
                 volume.voxels.map_or(String::new(), |v| format!(

@@ -3,7 +3,8 @@
 
 use glam::DVec3;
 use pileus_math::Bounds3;
-use pileus_media::{Medium, Shape};
+use pileus_media::Medium;
+use pileus_media::kernel::Shape;
 use pileus_scene::Scene;
 
 /// Points per axis at which media are looked up for their typical extinction.

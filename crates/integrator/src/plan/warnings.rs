@@ -7,7 +7,8 @@ use crate::error::{Error, Parameter, Remedy};
 use crate::settings::{DEFAULT_MAX_EVENTS, RenderSettings};
 use glam::{DVec3, Vec3};
 use pileus_math::Bounds3;
-use pileus_media::{GridShape, Medium, Shape};
+use pileus_media::Medium;
+use pileus_media::kernel::{GridShape, Shape};
 use pileus_scene::{Scene, Surfaces, Volume};
 use rand_pcg::Pcg32;
 
@@ -211,7 +212,7 @@ fn darkness(scene: &Scene) -> Option<String> {
     let distant = !scene.environment.is_black() || shines(true);
     let near = shines(false)
         || scene.surfaces.as_ref().is_some_and(|surfaces| surfaces.emits())
-        || scene.fires().any(|fire| fire.bounds_world().is_some());
+        || scene.emissive_volumes().any(|field| field.bounds_world().is_some());
     if !distant && !near {
         return Some(
             "nothing shines: every light is black, and so is the picture; give the scene a light"
@@ -241,8 +242,8 @@ fn darkness(scene: &Scene) -> Option<String> {
 
 /// The box of what a volume extinguishes or emits.
 fn bounds_of(volume: &Volume) -> Option<Bounds3> {
-    let fire = volume.emission.as_ref().and_then(|fire| fire.bounds_world());
-    let both = volume.medium.bounds_world().into_iter().chain(fire);
+    let emission = volume.emission.as_ref().and_then(|field| field.bounds_world());
+    let both = volume.medium.bounds_world().into_iter().chain(emission);
     both.reduce(Bounds3::union)
 }
 
@@ -326,7 +327,7 @@ fn enclosed(scene: &Scene) -> Vec<String> {
     lines
 }
 
-/// Points inside a volume where it extinguishes or gives off light, 64 at most.
+/// Points inside a volume where it extinguishes or emits light, 64 at most.
 fn points_of(volume: &Volume, bounds: Bounds3) -> Vec<DVec3> {
     const SIDE: u32 = 4;
     let at = |i: u32| (f64::from(i) + 0.5) / f64::from(SIDE);
@@ -336,7 +337,7 @@ fn points_of(volume: &Volume, bounds: Bounds3) -> Vec<DVec3> {
     });
     let filled = |p: &DVec3| {
         volume.medium.sigma_t_at(*p) > 0.0
-            || volume.emission.as_ref().is_some_and(|fire| fire.emission(*p).max_element() > 0.0)
+            || volume.emission.as_ref().is_some_and(|field| field.emission(*p).max_element() > 0.0)
     };
     lattice.filter(filled).collect()
 }

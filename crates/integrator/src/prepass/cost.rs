@@ -15,10 +15,9 @@ use crate::media::{Media, MediaIndex, Ray};
 use crate::renderer::Renderer;
 use crate::sampler::PathSampler;
 use glam::{DVec3, Vec3};
+use pileus_media::majorant::{MajorantStructure, StructureCost};
 use pileus_media::transmittance::ratio_tracking_with_roulette;
-use pileus_media::{
-    MajorantStructure, Medium, RayField, Relative, StructureCost, Tally, TentativeCollisions,
-};
+use pileus_media::{ChromaticRatio, Medium, RayField, Tally, TentativeCollisions};
 use pileus_scene::Scene;
 use rand_pcg::Pcg32;
 use rayon::prelude::*;
@@ -197,7 +196,7 @@ fn walk(medium: &Medium, ray: &RecordedRay, number: u64) -> (f64, f64) {
     if ray.threshold > 0.0 {
         let mut rng = Pcg32::new(number, 0x9b1);
         let (walk, mut tally) = (TentativeCollisions::new(field), Tally::default());
-        let channels = Relative(medium.chromatic_ratio());
+        let channels = ChromaticRatio(medium.chromatic_ratio());
         ratio_tracking_with_roulette(walk, channels, ray.threshold, &mut rng, &mut tally);
         return (tally.majorant_steps as f64, tally.lookups as f64);
     }

@@ -67,7 +67,7 @@ impl Prepass {
         let distant = lights.positions().next().is_none() && !lights.is_empty();
         let possible = distant && !plan.volumes.is_empty();
         let roulette = parts.settings.shadow_roulette;
-        let asked = roulette == Some(ShadowRoulette::Expected);
+        let asked = roulette == Some(ShadowRoulette::AdjointDriven);
         if !possible || roulette == Some(ShadowRoulette::Importance) {
             if asked {
                 self.reasons.push(

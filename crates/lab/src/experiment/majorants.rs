@@ -5,13 +5,13 @@ use crate::chart::{Axis, Cell, Chart, Plot, Provenance, Series, Table};
 use pileus_film::Film;
 use pileus_integrator::{Counters, RecordedRays, RenderSettings, Renderer, Unmonitored};
 use pileus_media::distance::DistanceSampler;
+use pileus_media::majorant::{MajorantStructure, StructureCost};
 use pileus_media::transmittance::Estimator;
-use pileus_media::{MajorantStructure, StructureCost};
 use pileus_scene::Scene;
 use std::time::Instant;
 
-/// Paths of the pilot that costs are predicted from.
-const PILOT_PATHS: u32 = 8192;
+/// Paths of the prepass that costs are predicted from.
+const RECORDED_PATHS: u32 = 8192;
 
 /// All structures, with super-grids of 4 to 128 voxels.
 fn structures() -> Vec<MajorantStructure> {
@@ -47,7 +47,7 @@ struct Run<'a> {
 }
 
 /// Renders a scene under every structure, in turns, until each has had `seconds`; predicts the cost
-/// of each from one pilot.
+/// of each from one prepass.
 ///
 /// # Errors
 /// If the scene cannot be rendered. Structures that a grid cannot have are left out and named.
@@ -64,12 +64,12 @@ pub fn chart_majorants(
         majorant_scale: 1.0,
         ..settings.clone()
     };
-    let pilot = {
+    let recorded = {
         let renderer = Renderer::new(scene, &base).map_err(Error::Render)?;
-        RecordedRays::new(&renderer, PILOT_PATHS)
+        RecordedRays::new(&renderer, RECORDED_PATHS)
     };
     let mut notes = vec![format!(
-        "Predicted: the majorants' optical depth and the cells along the rays of {PILOT_PATHS} pilot paths, traced once under the default structure. Measured: what whole \
+        "Predicted: the majorants' optical depth and the cells along the rays of {RECORDED_PATHS} paths of a prepass, traced once under the default structure. Measured: what whole \
          renders counted. Structures take turns. Times are of all threads, per path. `adaptive, own kernel` is what renders run, compiled for it; all other rows share one kernel with a branch per step, so that they \
          compare structures alone. Delta and ratio tracking."
     )];
@@ -95,7 +95,7 @@ pub fn chart_majorants(
         match Renderer::new(scene, &settings) {
             Err(error) => notes.push(format!("Left out: {}: {error}", structure.name())),
             Ok(renderer) => {
-                let predicted = pilot.cost(scene, structure, 1.0).map_err(Error::Render)?;
+                let predicted = recorded.cost(scene, structure, 1.0).map_err(Error::Render)?;
                 let (mut cells, mut bytes, mut build) = (0, 0, 0.0);
                 for volume in &scene.volumes {
                     let built =

@@ -1,6 +1,6 @@
 //! Experiments: what is measured, on what, and how it is judged.
 
-mod laws;
+mod debiasing;
 mod majorants;
 mod measure;
 mod rays;
@@ -9,7 +9,7 @@ mod stability;
 mod stress;
 mod transmittance;
 
-pub use laws::{Levels, chart_laws};
+pub use debiasing::{Levels, chart_debiasing};
 pub use majorants::chart_majorants;
 pub use measure::{Moments, Samples};
 pub use rays::{LabRay, RayClass, classed_rays};

@@ -7,8 +7,9 @@ use crate::{Error, block_z_test};
 use pileus_film::{Curve, Film, Image, ToneMap, png_bytes, preview_rgb8};
 use pileus_integrator::{Counters, LightSampling, RenderSettings, Renderer, Unmonitored};
 use pileus_media::distance::DistanceSampler;
+use pileus_media::majorant::MajorantStructure;
+use pileus_media::method::{from_name_or_auto, name_or_auto};
 use pileus_media::transmittance::Estimator;
-use pileus_media::{MajorantStructure, from_name_or_auto, name_or_auto};
 use pileus_scene::Scene;
 use std::time::Instant;
 

@@ -1,7 +1,7 @@
 //! Where methods break: every transmittance estimator and every sampler of flights against every
 //! stress.
 
-use super::laws::Levels;
+use super::debiasing::Levels;
 use super::measure::Samples;
 use super::stress::{Stress, Subject, all_stresses};
 use crate::Error;
@@ -10,10 +10,15 @@ use glam::{DVec3, Vec3};
 use pileus_film::{Film, Filter};
 use pileus_integrator::{RenderSettings, Renderer, Unmonitored};
 use pileus_media::distance::{DistanceSampler, Flight};
-use pileus_media::law::{Law, Passage, Power, Start};
-use pileus_media::transmittance::{Estimator, Telescope, debiased_under_law, exact_under_law};
+use pileus_media::method::Facts;
+use pileus_media::transmittance::{
+    DebiasingSeries, Estimator, debiased_non_exponential, exact_non_exponential,
+};
+use pileus_media::transmittance_function::{
+    Passage, Power, StartCorrelation, TransmittanceFunction,
+};
 use pileus_media::{
-    Channels, ExactField, Facts, Grey, Relative, Scaled, Spectrum, Tally, optical_depth,
+    Channels, ChromaticRatio, ExactField, Grey, Scaled, Spectrum, Tally, optical_depth,
 };
 use pileus_scene::Scene;
 use rand_pcg::Pcg32;
@@ -23,7 +28,7 @@ use rayon::prelude::*;
 const SAMPLES: u32 = 4096;
 /// Lookups and steps per cell after which no further estimate is made: a count, so that the outcome
 /// is the same on every machine.
-const MOST_EVENTS: u64 = 20_000_000;
+const MAX_EVENTS: u64 = 20_000_000;
 /// |z| beyond which a mean is wrong: by chance once in ten thousand tables of a thousand cells.
 const Z_LIMIT: f64 = 5.5;
 /// Relative standard deviation above which a method is noisy: a hundred estimates still leave 30 %.
@@ -98,24 +103,28 @@ pub struct Stability {
 
 /// Transmittance under a power law of `k = 2`, from a place.
 #[derive(Clone, Copy, PartialEq)]
-enum LawMethod {
-    /// The law of the exact depth.
+enum NonExponentialMethod {
+    /// The transmittance function of the exact depth.
     Regular,
     /// Ratio tracking at a drawn rate.
     Ratio,
-    /// A telescoping series that goes deeper with a probability of `2^-c`.
+    /// A debiasing series of the continuation probability `2^-c`.
     Debiased(f64),
 }
 
-impl LawMethod {
-    /// The last goes deeper so rarely that its variance is infinite.
-    const ALL: [LawMethod; 4] =
-        [LawMethod::Regular, LawMethod::Ratio, LawMethod::Debiased(1.5), LawMethod::Debiased(5.0)];
+impl NonExponentialMethod {
+    /// The last goes on so rarely that its variance is infinite.
+    const ALL: [NonExponentialMethod; 4] = [
+        NonExponentialMethod::Regular,
+        NonExponentialMethod::Ratio,
+        NonExponentialMethod::Debiased(1.5),
+        NonExponentialMethod::Debiased(5.0),
+    ];
 }
 
 #[derive(Clone, Copy, PartialEq)]
 enum Method {
-    UnderLaw(LawMethod),
+    NonExponential(NonExponentialMethod),
     Transmittance(Estimator),
     Distance(DistanceSampler),
 }
@@ -126,17 +135,19 @@ impl Method {
         // Channels that part are a question of pictures, in which everything here is grey.
         let samplers = DistanceSampler::ALL.into_iter().filter(|s| *s != DistanceSampler::Split);
         let samplers = samplers.map(Method::Distance);
-        let laws = LawMethod::ALL.into_iter().map(Method::UnderLaw);
-        estimators.chain(samplers).chain(laws).collect()
+        let functions = NonExponentialMethod::ALL.into_iter().map(Method::NonExponential);
+        estimators.chain(samplers).chain(functions).collect()
     }
 
     fn name(self) -> String {
         match self {
             Method::Transmittance(estimator) => format!("transmittance {}", estimator.name()),
             Method::Distance(sampler) => format!("distance {}", sampler.name()),
-            Method::UnderLaw(LawMethod::Regular) => "law regular".to_owned(),
-            Method::UnderLaw(LawMethod::Ratio) => "law ratio".to_owned(),
-            Method::UnderLaw(LawMethod::Debiased(c)) => format!("law debiased 2^-{c}"),
+            Method::NonExponential(NonExponentialMethod::Regular) => "power law regular".to_owned(),
+            Method::NonExponential(NonExponentialMethod::Ratio) => "power law ratio".to_owned(),
+            Method::NonExponential(NonExponentialMethod::Debiased(c)) => {
+                format!("power law debiased 2^-{c}")
+            }
         }
     }
 
@@ -144,7 +155,7 @@ impl Method {
         match self {
             Method::Transmittance(estimator) => estimator.is_unbiased(),
             Method::Distance(sampler) => sampler.is_unbiased(),
-            Method::UnderLaw(_) => true,
+            Method::NonExponential(_) => true,
         }
     }
 }
@@ -176,7 +187,7 @@ fn draw(mut one: impl FnMut(&mut Pcg32, &mut Tally)) -> (Tally, u32) {
     let mut rng = Pcg32::new(20_261_123, 17);
     let mut tally = Tally::default();
     let mut n = 0;
-    while n < SAMPLES && tally.lookups + tally.majorant_steps < MOST_EVENTS {
+    while n < SAMPLES && tally.lookups + tally.majorant_steps < MAX_EVENTS {
         one(&mut rng, &mut tally);
         n += 1;
     }
@@ -281,25 +292,30 @@ fn fly<F: ExactField, C: Channels>(
 /// Levels whose differences tell whether a series' variance is finite, and differences for each.
 const LEVELS: (u32, u32) = (11, 128);
 
-fn estimate_under_law<F: ExactField, C: Channels>(
-    method: LawMethod,
+fn estimate_non_exponential<F: ExactField, C: Channels>(
+    method: NonExponentialMethod,
     field: impl Fn() -> F,
     channels: C,
     depth: f64,
 ) -> Result<Outcome, Error> {
-    let law = Law::Power(Power::new(2.0).map_err(Error::Media)?);
-    let passage = Passage { law: &law, start: Start::Uncorrelated };
+    let function = TransmittanceFunction::Power(Power::new(2.0).map_err(Error::Media)?);
+    let passage = Passage { function: &function, start: StartCorrelation::Uncorrelated };
     let mut samples = vec![Samples::default(); C::Value::COUNT];
     let (tally, n) = draw(|rng, tally| {
         let value = match method {
-            LawMethod::Regular => exact_under_law(&field(), passage, channels, tally),
-            LawMethod::Ratio => {
+            NonExponentialMethod::Regular => {
+                exact_non_exponential(&field(), passage, channels, tally)
+            }
+            NonExponentialMethod::Ratio => {
                 let field = Scaled::new(field(), passage.rate(rng).unwrap_or(1.0));
                 Estimator::Ratio.estimate(field, channels, 0.0, rng, tally)
             }
-            LawMethod::Debiased(c) => {
-                let telescope = Telescope { deeper: 2f64.powf(-c) as f32, ..Telescope::default() };
-                debiased_under_law(field(), passage, channels, telescope, rng, tally)
+            NonExponentialMethod::Debiased(c) => {
+                let series = DebiasingSeries {
+                    continuation_probability: 2f64.powf(-c) as f32,
+                    ..DebiasingSeries::default()
+                };
+                debiased_non_exponential(field(), passage, channels, series, rng, tally)
             }
         };
         for (c, samples) in samples.iter_mut().enumerate() {
@@ -312,7 +328,7 @@ fn estimate_under_law<F: ExactField, C: Channels>(
     };
     let samples: Vec<_> = samples.into_iter().enumerate().map(|(c, s)| (s, exact(c))).collect();
     let mut judged = judge(&samples);
-    if let LawMethod::Debiased(c) = method
+    if let NonExponentialMethod::Debiased(c) = method
         && !Levels::measured(&field, passage, LEVELS.0, LEVELS.1).variance_is_finite(2f64.powf(-c))
     {
         judged.1 = f64::INFINITY;
@@ -333,7 +349,7 @@ fn ask<F: ExactField, C: Channels>(
     Ok(match method {
         Method::Transmittance(estimator) => estimate(estimator, field, channels, depth),
         Method::Distance(sampler) => fly(sampler, field, channels, depth),
-        Method::UnderLaw(method) => estimate_under_law(method, field, channels, depth)?,
+        Method::NonExponential(method) => estimate_non_exponential(method, field, channels, depth)?,
     })
 }
 
@@ -359,7 +375,7 @@ fn render_picture(
             transmittance: Some(Estimator::Ratio),
             ..base
         },
-        Method::UnderLaw(_) => base,
+        Method::NonExponential(_) => base,
     };
     let renderer = Renderer::new(scene, &settings).map_err(Error::Render)?;
     let [width, height] = scene.camera.resolution();
@@ -402,15 +418,15 @@ fn reason(method: Method, stress: &Stress) -> &'static str {
     match method {
         Method::Transmittance(estimator) => weakness(estimator.facts(), broken),
         Method::Distance(sampler) => weakness(sampler.facts(), broken),
-        Method::UnderLaw(LawMethod::Regular) => "exact but for rounding",
-        Method::UnderLaw(LawMethod::Ratio) if broken => {
+        Method::NonExponential(NonExponentialMethod::Regular) => "exact but for rounding",
+        Method::NonExponential(NonExponentialMethod::Ratio) if broken => {
             "null ratios change sign where the bound does not hold, the more so at high rates"
         }
-        Method::UnderLaw(LawMethod::Ratio) => {
+        Method::NonExponential(NonExponentialMethod::Ratio) => {
             "as ratio tracking, on thicker media where the rate is high"
         }
-        Method::UnderLaw(LawMethod::Debiased(_)) => {
-            "infinite variance, as far as sixteen thousand teeth show: levels are chosen more rarely than their differences shrink, or the rarer ones carry what the coarse ones miss"
+        Method::NonExponential(NonExponentialMethod::Debiased(_)) => {
+            "infinite variance, as far as sixteen thousand samples show: levels are chosen more rarely than their differences shrink, or the rarer ones carry what the coarse ones miss"
         }
     }
 }
@@ -436,14 +452,14 @@ fn cell(method: Method, stress: &Stress) -> Result<StabilityCell, Error> {
         let reason = "no point light that points could be aimed at: the plan flies";
         return Ok(StabilityCell { reason, ..blank });
     }
-    if matches!((method, &stress.subject), (Method::UnderLaw(_), Subject::Picture(..))) {
-        let reason = "expectations of pictures are those of the exponential law";
+    if matches!((method, &stress.subject), (Method::NonExponential(_), Subject::Picture(..))) {
+        let reason = "expectations of pictures are those of the exponential transmittance";
         return Ok(StabilityCell { reason, ..blank });
     }
     let outcome = match &stress.subject {
         Subject::Profile(case) => ask(method, || case.ray(), Grey, case.optical_depth())?,
         Subject::Chromatic(case, relative) => {
-            ask(method, || case.ray(), Relative(*relative), case.optical_depth())?
+            ask(method, || case.ray(), ChromaticRatio(*relative), case.optical_depth())?
         }
         Subject::Grid(medium, origin, direction) => {
             let d = direction.as_dvec3();
@@ -568,7 +584,7 @@ impl Stability {
         let count = |v: Verdict| self.cells.iter().filter(|c| c.verdict == v).count();
         let mut page = format!(
             "# Where methods break\n\nWritten by `pileus chart stability`; a test keeps the verdicts from changing unseen. Every cell is {SAMPLES} estimates \
-             (fewer where they need more than {MOST_EVENTS} lookups and steps) of a fixed seed, without roulette.\n\n\
+             (fewer where they need more than {MAX_EVENTS} lookups and steps) of a fixed seed, without roulette.\n\n\
              - **ok**: the mean is within {Z_LIMIT} standard errors of the exact value, and the standard deviation of one estimate is at most {NOISY} times that value \
              (for flights: of their total weight, whose mean is 1).\n\
              - **noisy**: unbiased, but noisier than that.\n\
@@ -576,8 +592,8 @@ impl Stability {
              - **fails**: wrong by more than {Z_LIMIT} standard errors, off by more than half (what matters was never sampled), a standard deviation above {FAILS} times the \
              value, or an estimate that is not finite.\n\
              - **refused**: the plan does not run it there, or there is nothing to compare it with.\n\n\
-             A telescoping series fails also where its variance is infinite: where the mean squares of its differences fall more slowly than the probabilities of its levels, \
-             as far as sixteen thousand teeth show.\n\n\
+             A debiasing series fails also where its variance is infinite: where the mean squares of its differences fall more slowly than the probabilities of its levels, \
+             as far as sixteen thousand samples show.\n\n\
              {} cells are ok, {} noisy, {} biased, {} fail, {} are refused. Transmittances below {SMALLEST:e}, where single precision ends, are not asked for: there zero is ok. \
              Every figure is in [stability.csv](stability.csv).\n\n",
             count(Verdict::Ok),
@@ -590,7 +606,7 @@ impl Stability {
         for (title, kind) in [
             ("Transmittance", "transmittance "),
             ("Distances", "distance "),
-            ("Transmittance under a power law of k 2", "law "),
+            ("Transmittance under a power law of k 2", "power law "),
         ] {
             let keep: Vec<usize> = (0..matrix.columns.len())
                 .filter(|i| *i == 0 || matrix.columns[*i].starts_with(kind))

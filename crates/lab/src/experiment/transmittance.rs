@@ -4,11 +4,12 @@ use super::measure::Samples;
 use super::rays::{LabRay, RayClass};
 use crate::chart::{Axis, Cell, Chart, Plot, Provenance, Series, Table};
 use crate::profile::ProfileCase;
+use pileus_media::kernel::{GridShape, Voxel, VoxelKernel};
 use pileus_media::transmittance::{
-    Control, DEBIASED_TEETH, Estimator, debiased_ray_marching, residual_ratio_tracking,
+    Control, DEBIASED_SAMPLES, Estimator, debiased_ray_marching, residual_ratio_tracking,
     unbiased_ray_marching,
 };
-use pileus_media::{ExactField, Grey, GridShape, Medium, Span, Tally, Voxel, VoxelKernel};
+use pileus_media::{ExactField, Grey, Medium, Span, Tally};
 use rand_pcg::Pcg32;
 use std::time::Instant;
 
@@ -19,10 +20,10 @@ pub enum TransmittanceMethod {
     Named(Estimator),
     /// Residual ratio tracking about the middle of minorant and majorant.
     ResidualRatioMiddle,
-    /// Unbiased ray marching with symmetric means on stretches of at most this majorant depth, cut
+    /// Unbiased ray marching with symmetric means on intervals of at most this majorant depth, cut
     /// at majorant cells.
     UnbiasedRayMarchingCut(f32),
-    /// Debiased ray marching on such stretches.
+    /// Debiased ray marching on such intervals.
     DebiasedRayMarchingCut(f32),
 }
 
@@ -69,7 +70,7 @@ impl TransmittanceMethod {
                 unbiased_ray_marching(field, Grey, depth, 0.0, rng, tally)
             }
             TransmittanceMethod::DebiasedRayMarchingCut(depth) => {
-                debiased_ray_marching(field, Grey, DEBIASED_TEETH, depth, 0.0, rng, tally)
+                debiased_ray_marching(field, Grey, DEBIASED_SAMPLES, depth, 0.0, rng, tally)
             }
         }
     }

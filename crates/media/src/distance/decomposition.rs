@@ -19,7 +19,7 @@ use rand_core::Rng;
 /// with probability `(sigma_t - minorant) / (majorant - minorant)`. The law of flights, and how
 /// channels share them, is that of delta (spectral) tracking. Unbiased for bounds that hold.
 #[inline(always)]
-pub fn decomposition_tracking<F: RayField, C: Channels, R: Rng + ?Sized>(
+pub(crate) fn decomposition_tracking<F: RayField, C: Channels, R: Rng + ?Sized>(
     mut walk: TentativeCollisions<F>,
     channels: C,
     beta: C::Value,

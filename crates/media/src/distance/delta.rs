@@ -49,7 +49,7 @@ pub fn delta_tracking<F: RayField, R: Rng + ?Sized>(
 /// alone would be biased: where it fills its majorant nothing would ever get through for the
 /// others.)
 #[inline(always)]
-pub fn delta_tracking_by_mean<F: RayField, C: Channels, R: Rng + ?Sized>(
+pub(crate) fn delta_tracking_by_mean<F: RayField, C: Channels, R: Rng + ?Sized>(
     walk: TentativeCollisions<F>,
     channels: C,
     rng: &mut R,

@@ -38,7 +38,7 @@ impl Equiangular {
         (high > low).then_some(Equiangular { foot, distance, low, high, range: (t0, t1) })
     }
 
-    /// The ray parameter of `u` in [0, 1).
+    /// The ray parameter of the point that `u` in [0, 1) draws.
     pub fn sample(&self, u: f32) -> f64 {
         let angle = self.low + f64::from(u) * (self.high - self.low);
         (self.foot + self.distance * libm::tan(angle)).clamp(self.range.0, self.range.1)

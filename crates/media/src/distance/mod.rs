@@ -5,12 +5,12 @@ mod decomposition;
 mod delta;
 mod depth;
 mod equiangular;
+mod non_exponential;
 mod progressive;
 mod ray_marching;
 mod regular;
 mod spectral;
 mod tracking;
-mod under_law;
 mod weighted_delta;
 
 use crate::channels::Channels;
@@ -19,17 +19,20 @@ use crate::field::ExactField;
 use crate::method::methods;
 use crate::random::exponential;
 use crate::tally::Tally;
+use decomposition::decomposition_tracking;
+use delta::delta_tracking_by_mean;
 use rand_core::Rng;
+use ray_marching::MARCHING_STEPS;
+use spectral::spectral_tracking;
+use weighted_delta::weighted_delta_tracking;
 
-pub use decomposition::decomposition_tracking;
-pub use delta::{delta_tracking, delta_tracking_by_mean};
+pub use delta::delta_tracking;
 pub use equiangular::Equiangular;
-pub use progressive::{ProgressiveBounds, ProgressiveRay};
-pub use ray_marching::{MARCHING_STEPS, ray_marching_flight};
+pub use non_exponential::regular_flight_non_exponential;
+pub use progressive::ProgressiveBounds;
+pub use ray_marching::ray_marching_flight;
 pub use regular::regular_flight;
-pub use spectral::{real_probability, spectral_tracking};
-pub use under_law::regular_flight_under_law;
-pub use weighted_delta::weighted_delta_tracking;
+pub use spectral::real_probability;
 
 /// How a free flight ended.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -18,7 +18,7 @@ pub struct ProgressiveBounds {
 }
 
 impl ProgressiveBounds {
-    /// `cells` (at least one) equal cells with the bound `guess`, 1/length.
+    /// Bounds on `cells` (at least one) equal cells, each of `guess`, 1/length, at first.
     pub fn new(length: f32, cells: usize, guess: f32) -> ProgressiveBounds {
         let cells = cells.max(1);
         ProgressiveBounds { length, bounds: vec![guess; cells], seen: vec![Cell::new(0.0); cells] }
@@ -31,7 +31,7 @@ impl ProgressiveBounds {
 
     /// The field of extinction `sigma_t` under these bounds, clamped to them; sees and remembers
     /// what exceeds them.
-    pub fn ray<S: Fn(f32) -> f32>(&self, sigma_t: S) -> ProgressiveRay<'_, S> {
+    pub fn ray<S: Fn(f32) -> f32>(&self, sigma_t: S) -> impl RayField {
         ProgressiveRay { bounds: self, sigma_t, next: 0 }
     }
 
@@ -57,7 +57,7 @@ impl ProgressiveBounds {
 
 /// A field clamped to progressive bounds.
 #[derive(Debug, Clone)]
-pub struct ProgressiveRay<'a, S> {
+struct ProgressiveRay<'a, S> {
     bounds: &'a ProgressiveBounds,
     sigma_t: S,
     next: usize,

@@ -4,13 +4,13 @@ use super::WeightedFlight;
 use super::depth::fly_by_depth;
 use crate::channels::Channels;
 use crate::field::RayField;
-use crate::stretch::Stretch;
+use crate::ray_interval::RayInterval;
 use crate::tally::Tally;
 use pileus_math::random::uniform;
 use rand_core::Rng;
 
 /// Steps along a whole ray.
-pub const MARCHING_STEPS: u32 = 64;
+pub(crate) const MARCHING_STEPS: u32 = 64;
 
 /// A **biased** flight: the extinction is taken for constant in each of `steps` equal parts of the
 /// ray's segments, at the value of one random point, the same in all parts.
@@ -27,27 +27,27 @@ pub fn ray_marching_flight<F: RayField, C: Channels, R: Rng + ?Sized>(
     rng: &mut R,
     tally: &mut Tally,
 ) -> WeightedFlight<C::Value> {
-    let (stretch, field) = Stretch::whole(field);
+    let (interval, field) = RayInterval::whole(field);
     tally.majorant_steps += field.steps();
     let offset = f64::from(uniform(rng));
     fly_by_depth(channels, beta, drawn, rng, tally, |depth, tally| {
-        if !(stretch.length < f32::INFINITY) {
+        if !(interval.length < f32::INFINITY) {
             // Constant extinction without end, by the contract of fields.
             let sigma_t = f64::from(field.sigma_t_anywhere(0.0));
             return if sigma_t > 0.0 { Ok((depth / sigma_t) as f32) } else { Err(0.0) };
         }
-        let step = f64::from(stretch.length) / f64::from(steps);
+        let step = f64::from(interval.length) / f64::from(steps);
         let mut passed = 0.0;
         if !(step > 0.0) {
             return Err(0.0);
         }
         for i in 0..steps {
-            let t = stretch.at_length(((f64::from(i) + offset) * step) as f32);
+            let t = interval.at_length(((f64::from(i) + offset) * step) as f32);
             let sigma_t = f64::from(field.sigma_t_anywhere(t));
             tally.lookups += 1;
             if passed + sigma_t * step > depth {
                 let part = (depth - passed) / sigma_t;
-                return Ok(stretch.at_length((f64::from(i) * step + part) as f32));
+                return Ok(interval.at_length((f64::from(i) * step + part) as f32));
             }
             passed += sigma_t * step;
         }

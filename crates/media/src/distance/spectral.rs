@@ -28,7 +28,7 @@ pub fn real_probability<S: Spectrum>(real: S, beta: S) -> f32 {
 /// sampling over channels by the balance heuristic [Miller et al. 2019]. Unbiased for bounds that
 /// hold; for one channel it is delta tracking.
 #[inline(always)]
-pub fn spectral_tracking<F: RayField, C: Channels, R: Rng + ?Sized>(
+pub(crate) fn spectral_tracking<F: RayField, C: Channels, R: Rng + ?Sized>(
     walk: TentativeCollisions<F>,
     channels: C,
     beta: C::Value,

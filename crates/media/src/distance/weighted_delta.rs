@@ -19,7 +19,7 @@ use rand_core::Rng;
 /// at every null collision: unbiased, with a variance exponential in the integral of what exceeds
 /// the rate. Violations are counted.
 #[inline(always)]
-pub fn weighted_delta_tracking<F: RayField, C: Channels, R: Rng + ?Sized>(
+pub(crate) fn weighted_delta_tracking<F: RayField, C: Channels, R: Rng + ?Sized>(
     walk: TentativeCollisions<F>,
     channels: C,
     beta: C::Value,

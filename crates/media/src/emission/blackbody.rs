@@ -8,8 +8,8 @@ use std::sync::OnceLock;
 
 /// Below this temperature nothing is given off, kelvin: the luminance is some 1e-13 of that at 2000
 /// K.
-pub const COLDEST_KELVIN: f64 = 500.0;
-/// Above this temperature radiation stays what it is there, kelvin.
+pub(crate) const COLDEST_KELVIN: f64 = 500.0;
+/// The highest temperature of black bodies, kelvin: hotter ones emit what this one does.
 pub const HOTTEST_KELVIN: f64 = 20_000.0;
 /// Draper's point, kelvin, rounded: below it no body is seen to glow.
 const DRAPER: f64 = 800.0;
@@ -19,7 +19,7 @@ const INTERVALS: usize = 1024;
 /// Levels of the table of maxima.
 const LEVELS: usize = 11;
 
-/// How much a black body gives off.
+/// How much a black body emits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum BlackbodyRadiance {
     /// Planck's radiance, W/(m^2 sr): the luminance of the colour is that of the body over 683

@@ -3,7 +3,7 @@
 //! A point of the field is drawn, uniform in a cell of a coarse lattice, and its direction taken.
 //! What the direction is worth is then a matter of the whole line: the density of the direction is
 //! that of all points on it, `INT q(t) t^2 dt` for a density `q` per volume, which is a sum over
-//! the cells on the line. Cells are drawn by what they give off and let out towards the point: the
+//! the cells on the line. Cells are drawn by what they emit and let out towards the point: the
 //! optical depth to the outside is tabulated along the 26 directions to the neighbours of a cell.
 
 use super::field::EmissionField;
@@ -16,7 +16,7 @@ use rayon::prelude::*;
 const BLOCKS_ACROSS: usize = 4;
 const BLOCKS: usize = BLOCKS_ACROSS * BLOCKS_ACROSS * BLOCKS_ACROSS;
 
-/// Directions to the neighbours of a cell, and one class for points that are amid the cells.
+/// Directions to the neighbours of a cell, and one class for points that are within the cells.
 const CLASSES: usize = 27;
 const AMID: usize = 13;
 
@@ -308,7 +308,7 @@ impl EmissionDirections {
         (sum / (3.0 * self.cell_volume * f64::from(view.total))) as f32
     }
 
-    /// Bytes of its tables.
+    /// Bytes that the tables take.
     pub fn bytes(&self) -> u64 {
         let floats = self.weights.len() + self.cumulative.len() + self.cells.len();
         (4 * floats + self.block_of.len() + self.blocks.len() * size_of::<Block>()) as u64

@@ -39,7 +39,7 @@ pub struct EmissionField {
 pub struct EmissionPoint {
     /// World distance from the ray's origin.
     pub t: f64,
-    /// Where, in the world.
+    /// The point, in the world.
     pub p: DVec3,
     /// Emission over rate, radiance: its sum over all points estimates the line integral of the
     /// emission.
@@ -210,12 +210,12 @@ impl EmissionField {
         if self.lattice.is_empty() { None } else { self.bounds.bounds_world() }
     }
 
-    /// Where the emission comes from.
+    /// The source that the emission is looked up in.
     pub fn source(&self) -> &EmissionSource {
         &self.source
     }
 
-    /// What building it took.
+    /// What building the field took.
     pub fn report(&self) -> &EmissionReport {
         &self.report
     }
@@ -229,8 +229,10 @@ mod tests {
     use super::*;
     use crate::Albedo;
     use crate::color::ColorGrid;
-    use crate::flakes::{FlakeGrid, FlakeScattering, FlakeShape, Flakes, Sggx};
     use crate::grid::{Interpolation, VoxelGrid, VoxelGridOptions};
+    use crate::microflakes::{
+        MicroflakeGrid, MicroflakeScattering, MicroflakeShape, Microflakes, Sggx,
+    };
     use crate::phase::Phase;
     use glam::{DMat3, DQuat};
     use pileus_math::random::uniform;
@@ -314,7 +316,7 @@ mod tests {
     /// Microflakes that show areas of 1 to `largest`, the same everywhere.
     fn constant(largest: f32) -> Phase {
         let s = Sggx::new([1.0, largest * largest, 1.0], [0.0; 3]).unwrap();
-        microflakes(FlakeShape::Constant(s))
+        microflakes(MicroflakeShape::Constant(s))
     }
 
     /// Microflakes by a grid of matrices that show areas up to `largest`.
@@ -322,12 +324,16 @@ mod tests {
         let l2 = largest * largest;
         let tree = Tree::from_dense([0.0f32; 3], [-5, 3, -9], [1, 2, 1], &[[l2, 1.0, 0.5]; 2]);
         let none = Tree::from_dense([0.0f32; 3], [-5, 3, -9], [1, 2, 1], &[[0.0f32; 3]; 2]);
-        let grid = FlakeGrid::from_entries(&tree, &none, DAffine3::IDENTITY).unwrap();
-        microflakes(FlakeShape::Grid(Box::new(grid)))
+        let grid = MicroflakeGrid::from_entries(&tree, &none, DAffine3::IDENTITY).unwrap();
+        microflakes(MicroflakeShape::Grid(Box::new(grid)))
     }
 
-    fn microflakes(shape: FlakeShape) -> Phase {
-        Phase::Flakes(Arc::new(Flakes::new(shape, FlakeScattering::Specular, DMat3::IDENTITY)))
+    fn microflakes(shape: MicroflakeShape) -> Phase {
+        Phase::Microflakes(Arc::new(Microflakes::new(
+            shape,
+            MicroflakeScattering::Specular,
+            DMat3::IDENTITY,
+        )))
     }
 
     proptest! {

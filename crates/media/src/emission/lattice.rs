@@ -1,4 +1,4 @@
-//! What a field gives off, on a coarse lattice: the basis of aiming at it.
+//! What a field emits, on a coarse lattice: the basis of aiming at it.
 
 use super::cells::Cells;
 use glam::{DAffine3, DVec3};

@@ -1,4 +1,4 @@
-//! Light from volumes: what a field of emission gives off, points along rays for its line integral,
+//! Light from volumes: what a field of emission emits, points along rays for its line integral,
 //! and directions towards it for its light.
 
 mod blackbody;
@@ -11,7 +11,7 @@ mod observer;
 mod ramp;
 mod source;
 
-pub use blackbody::{BlackbodyRadiance, COLDEST_KELVIN, HOTTEST_KELVIN, blackbody};
+pub use blackbody::{BlackbodyRadiance, HOTTEST_KELVIN, blackbody};
 pub use cells::EmissionReport;
 pub use directions::{EmissionDirections, EmissionView};
 pub use field::{EmissionField, EmissionPoint};

@@ -180,10 +180,10 @@ impl EmissionSource {
     pub(crate) fn along(&self, p_index: DVec3, direction: Vec3) -> Vec3 {
         let emission = self.at(p_index);
         match self {
-            EmissionSource::Blackbody { phase: Phase::Flakes(flakes), .. }
+            EmissionSource::Blackbody { phase: Phase::Microflakes(microflakes), .. }
                 if emission != Vec3::ZERO =>
             {
-                emission * flakes.projected_area(|| p_index, direction)
+                emission * microflakes.projected_area(|| p_index, direction)
             }
             _ => emission,
         }
@@ -293,7 +293,8 @@ impl EmissionSource {
             Albedo::Constant(albedo) => (1.0 - Vec3::from_array(*albedo), true),
             Albedo::Grid(grid) => (1.0 - grid.least_over(bounds), grid.is_constant_over(bounds)),
         };
-        let shown = phase.flakes().map_or(1.0, |flakes| flakes.largest_area_to_any());
+        let shown =
+            phase.microflakes().map_or(1.0, |microflakes| microflakes.largest_area_to_any());
         let sigma_a = (Vec3::from_array(*sigma_t) * absorbing).max_element() * shown;
         Bound {
             max: sigma_a * density.1 * le * *intensity * MARGIN,

@@ -13,9 +13,9 @@ mod voxel;
 pub use build::{BuildReport, VoxelGridOptions};
 pub(crate) use cell_walk::CellWalk;
 pub(crate) use topology::{BRICK_LOG2, Entry, Topology, entry_index};
-pub use view::GridView;
-pub(crate) use view::sub_cell;
-pub use voxel::{Half, Voxel};
+pub(crate) use view::{GridView, sub_cell};
+pub(crate) use voxel::Half;
+pub use voxel::Voxel;
 
 use crate::method::Named;
 use glam::DVec3;

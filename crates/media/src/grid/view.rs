@@ -12,7 +12,7 @@ const DY: usize = BRICK_EDGE;
 
 /// A render grid with a known voxel type, for hot loops.
 #[derive(Debug)]
-pub struct GridView<'a, V> {
+pub(crate) struct GridView<'a, V> {
     pub(crate) voxels: &'a [V],
     pub(crate) sub_max: &'a [[f32; 8]],
     pub(crate) entries: &'a [Entry],

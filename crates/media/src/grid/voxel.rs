@@ -34,18 +34,18 @@ impl Voxel for f32 {
 /// conversion instructions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(transparent)]
-pub struct Half(u16);
+pub(crate) struct Half(u16);
 
 /// 2^112: the difference of the exponent biases of binary32 and binary16.
 const BIAS: f32 = f32::from_bits((112 + 127) << 23);
 
 impl Half {
     /// Zero.
-    pub const ZERO: Half = Half(0);
+    pub(crate) const ZERO: Half = Half(0);
 
     /// The half that equals `value` exactly, if there is one and it is finite and not negative.
     #[inline]
-    pub fn exact(value: f32) -> Option<Half> {
+    pub(crate) fn exact(value: f32) -> Option<Half> {
         let bits = value.to_bits();
         // Normal halves: exponent -14 to 15 and ten bits of mantissa.
         if (0x3880_0000..0x4780_0000).contains(&bits) {

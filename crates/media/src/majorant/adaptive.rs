@@ -9,7 +9,7 @@ use crate::grid::{BRICK_LOG2, Entry, Topology, VoxelGrid, entry_index, sub_cell}
 /// the medium's scale. The scales above which cells are split are part of every grid: nothing is
 /// built for a medium, and a change of scale rebuilds nothing.
 #[derive(Debug, Clone, Copy)]
-pub struct Adaptive<'a> {
+pub(crate) struct Adaptive<'a> {
     entries: &'a [Entry],
     entry_min: &'a [f32],
     sub_max: &'a [[f32; 8]],

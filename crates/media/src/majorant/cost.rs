@@ -9,10 +9,10 @@
 /// Nanoseconds of a step from cell to cell. Measured (`docs/charts/majorants.md`); only the ratio
 /// of the two matters. They are constants of the program and not measured where it runs: the image
 /// depends on the cells, and must be the same on every machine.
-pub const STEP_COST: f32 = 50.0;
+pub(crate) const STEP_COST: f32 = 50.0;
 
 /// Nanoseconds of a tentative collision: an exponential variate, a lookup, a decision.
-pub const COLLISION_COST: f32 = 50.0;
+pub(crate) const COLLISION_COST: f32 = 50.0;
 
 /// Expected cost of a structure on given rays.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -24,7 +24,8 @@ pub struct StructureCost {
 }
 
 impl StructureCost {
-    /// Nanoseconds by the constants.
+    /// The cost in nanoseconds, at 50 for a step and 50 for a collision: constants of the program,
+    /// not measured where it runs.
     pub fn nanoseconds(&self) -> f64 {
         self.steps * f64::from(STEP_COST) + self.collisions * f64::from(COLLISION_COST)
     }

@@ -16,7 +16,7 @@ const COLLISIONS_PER_CELL: f32 = 1.0;
 /// Cells of 4, 8, 16, ... voxels: the largest around a point in which at most one tentative
 /// collision is expected, or 4. Nothing is built for it, and a change of scale rebuilds nothing.
 #[derive(Debug, Clone, Copy)]
-pub struct Hierarchy<'a> {
+pub(crate) struct Hierarchy<'a> {
     entries: &'a [Entry],
     entry_min: &'a [f32],
     sub_max: &'a [[f32; 8]],

@@ -142,7 +142,7 @@ fn split(grid: &VoxelGrid, region: Region, per_voxel: f32) -> Branch {
 
 /// A view of a kd-tree.
 #[derive(Debug, Clone, Copy)]
-pub struct KdTree<'a>(pub(crate) &'a KdNodes);
+pub(crate) struct KdTree<'a>(pub(crate) &'a KdNodes);
 
 impl Partition for KdTree<'_> {
     #[inline]

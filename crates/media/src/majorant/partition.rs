@@ -3,7 +3,7 @@
 
 /// A cell around a point.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Cell {
+pub(crate) struct Cell {
     /// First local voxel per axis.
     pub(crate) low: [i32; 3],
     /// One past the last, per axis; may lie beyond the grid.
@@ -27,7 +27,7 @@ impl Cell {
 
 /// A partition of a grid's voxels into cells: every voxel is in one cell, which depends on the
 /// voxel alone, not on how a walk came there.
-pub trait Partition: Copy {
+pub(crate) trait Partition: Copy {
     /// The cell around local voxel `ijk`, which lies within the grid's extent. `last`: the key of
     /// the cell before, zero at first; it may speed up the search and does not change what is
     /// found.

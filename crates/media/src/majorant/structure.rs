@@ -54,7 +54,7 @@ impl MajorantStructure {
     }
 }
 
-/// A built structure.
+/// The majorants of a grid, built.
 #[derive(Debug, Clone)]
 pub struct Majorants {
     structure: MajorantStructure,
@@ -95,12 +95,12 @@ impl Majorants {
         Ok(Majorants { structure, cells, seconds: start.elapsed().as_secs_f64() })
     }
 
-    /// Which structure it is.
+    /// The structure that they are built as.
     pub fn structure(&self) -> MajorantStructure {
         self.structure
     }
 
-    /// Cells, and bytes beyond what every grid has.
+    /// Number of cells of the structure, and bytes that it takes beyond what every grid has.
     pub fn footprint(&self) -> (u64, u64) {
         match &self.cells {
             Cells::Adaptive | Cells::Hierarchy => (0, 0),
@@ -109,7 +109,7 @@ impl Majorants {
         }
     }
 
-    /// Seconds it took to build.
+    /// Seconds that building took.
     pub fn seconds(&self) -> f64 {
         self.seconds
     }
@@ -133,7 +133,7 @@ impl Majorants {
 
 /// Any partition: a branch per step, for code that is not compiled for each.
 #[derive(Debug, Clone, Copy)]
-pub enum AnyPartition<'a> {
+pub(crate) enum AnyPartition<'a> {
     /// The merged hierarchy.
     Adaptive(Adaptive<'a>),
     /// Levels chosen by the walk.

@@ -57,7 +57,7 @@ impl UniformCells {
 
 /// A view of the cells of a uniform super-grid.
 #[derive(Debug, Clone, Copy)]
-pub struct Uniform<'a>(pub(crate) &'a UniformCells);
+pub(crate) struct Uniform<'a>(pub(crate) &'a UniformCells);
 
 impl Partition for Uniform<'_> {
     #[inline]

@@ -13,14 +13,14 @@ use glam::{DVec3, Vec3, Vec3A};
 const PARALLEL: f32 = 1e-18;
 
 /// What a ray's positions are counted from: a corner of a brick, local voxels.
-pub trait Corner: Copy + std::fmt::Debug {
+pub(crate) trait Corner: Copy + std::fmt::Debug {
     /// The voxel of the corner, in local voxels.
     fn voxel(self) -> [i32; 3];
 }
 
 /// The grid's lowest corner: no offset at all.
 #[derive(Debug, Clone, Copy)]
-pub struct Lowest;
+pub(crate) struct Lowest;
 
 impl Corner for Lowest {
     #[inline(always)]
@@ -52,7 +52,7 @@ pub(crate) struct Line {
 /// the axis it leaves through, so that the walk ends for every ray, also along faces and through
 /// corners.
 #[derive(Debug, Clone)]
-pub struct GridRay<'a, V, P = Adaptive<'a>, C = Lowest> {
+pub(crate) struct GridRay<'a, V, P = Adaptive<'a>, C = Lowest> {
     view: GridView<'a, V>,
     partition: P,
     /// What positions are counted from; cells and voxels are not.
@@ -62,7 +62,7 @@ pub struct GridRay<'a, V, P = Adaptive<'a>, C = Lowest> {
     /// Raw value to extinction.
     scale: f32,
     /// Raw bound to majorant: `scale`, unless an experiment wants looser or broken bounds.
-    bound_scale: f32,
+    majorant_scale: f32,
     /// Point at parameter zero, voxels from the corner.
     p0: Vec3A,
     /// Local direction, voxels per length.
@@ -91,7 +91,7 @@ impl<'a, V: Voxel, P: Partition, C: Corner> GridRay<'a, V, P, C> {
     pub(crate) fn new(
         view: GridView<'a, V>,
         partition: P,
-        [scale, bound_scale]: [f32; 2],
+        [scale, majorant_scale]: [f32; 2],
         corner: C,
         line: Line,
     ) -> Self {
@@ -119,7 +119,7 @@ impl<'a, V: Voxel, P: Partition, C: Corner> GridRay<'a, V, P, C> {
             corner,
             line,
             scale,
-            bound_scale,
+            majorant_scale,
             p0: p0.into(),
             d: d.into(),
             inv_d,
@@ -203,14 +203,14 @@ impl<V: Voxel, P: Partition, C: Corner> RayField for GridRay<'_, V, P, C> {
             let (max, t1) = self.visit();
             self.t = t1;
             if max > 0.0 {
-                return Some(MajorantSegment { t0, t1, majorant: max * self.bound_scale });
+                return Some(MajorantSegment { t0, t1, majorant: max * self.majorant_scale });
             }
         }
         None
     }
 
     fn minorant(&self) -> f32 {
-        self.partition.min(&self.cell) * self.scale.min(self.bound_scale)
+        self.partition.min(&self.cell) * self.scale.min(self.majorant_scale)
     }
 
     #[inline(always)]

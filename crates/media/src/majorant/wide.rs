@@ -125,7 +125,7 @@ macro_rules! of_part {
 /// A ray through a grid of any width. Its parameter is the length of what may hold extinction: see
 /// [`RayField::distance`].
 #[derive(Debug, Clone)]
-pub struct WideRay<'a> {
+pub(crate) struct WideRay<'a> {
     grid: &'a VoxelGrid,
     partition: AnyPartition<'a>,
     scales: [f32; 2],

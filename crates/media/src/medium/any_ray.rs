@@ -2,15 +2,15 @@
 
 use super::HomogeneousRay;
 use crate::field::{ExactField, MajorantSegment, RayField};
-use crate::flakes::FlakeRay;
 use crate::grid::Half;
 use crate::majorant::{AnyPartition, GridRay, WideRay};
+use crate::microflakes::MicroflakeRay;
 use crate::tally::Tally;
 use glam::DVec3;
 
 /// A ray through a grid of either voxel type, any width and any majorant structure.
 #[derive(Debug, Clone)]
-pub enum AnyGridRay<'a> {
+pub(crate) enum AnyGridRay<'a> {
     /// Voxels stored as binary16.
     Half(GridRay<'a, Half>),
     /// Voxels stored as binary32.
@@ -23,17 +23,22 @@ pub enum AnyGridRay<'a> {
     Wide(Box<WideRay<'a>>),
 }
 
-/// A ray through any medium.
+/// A ray through any medium, for code that is not compiled for each kind of field:
+/// [`Medium::any_ray`](crate::Medium::any_ray) makes it.
 #[derive(Debug, Clone)]
-pub enum AnyRay<'a> {
+pub struct AnyRay<'a>(pub(super) RayKind<'a>);
+
+/// A ray by what it goes through.
+#[derive(Debug, Clone)]
+pub(super) enum RayKind<'a> {
     /// Through a grid.
     Grid(AnyGridRay<'a>),
     /// Of constant extinction.
     Box(HomogeneousRay),
     /// Through a grid of microflakes.
-    GridOfFlakes(FlakeRay<'a, AnyGridRay<'a>>),
+    GridOfMicroflakes(MicroflakeRay<'a, AnyGridRay<'a>>),
     /// Through microflakes of constant density.
-    BoxOfFlakes(FlakeRay<'a, HomogeneousRay>),
+    BoxOfMicroflakes(MicroflakeRay<'a, HomogeneousRay>),
 }
 
 impl AnyGridRay<'_> {
@@ -95,4 +100,48 @@ macro_rules! field_of_variants {
 }
 
 field_of_variants!(AnyGridRay: Half, Single, HalfOther, SingleOther, Wide);
-field_of_variants!(AnyRay: Grid, Box, GridOfFlakes, BoxOfFlakes);
+field_of_variants!(RayKind: Grid, Box, GridOfMicroflakes, BoxOfMicroflakes);
+
+impl RayField for AnyRay<'_> {
+    #[inline]
+    fn next_segment(&mut self) -> Option<MajorantSegment> {
+        self.0.next_segment()
+    }
+
+    #[inline]
+    fn minorant(&self) -> f32 {
+        self.0.minorant()
+    }
+
+    #[inline]
+    fn sigma_t(&self, t: f32) -> f32 {
+        self.0.sigma_t(t)
+    }
+
+    #[inline]
+    fn sigma_t_anywhere(&self, t: f32) -> f32 {
+        self.0.sigma_t_anywhere(t)
+    }
+
+    #[inline]
+    fn distance(&self, t: f64) -> f64 {
+        self.0.distance(t)
+    }
+
+    #[inline]
+    fn steps(&self) -> u64 {
+        self.0.steps()
+    }
+}
+
+impl ExactField for AnyRay<'_> {
+    #[inline]
+    fn optical_depth(&self, tally: &mut Tally) -> f64 {
+        self.0.optical_depth(tally)
+    }
+
+    #[inline]
+    fn t_at_depth(&self, depth: f64, tally: &mut Tally) -> Result<f32, f64> {
+        self.0.t_at_depth(depth, tally)
+    }
+}

@@ -2,8 +2,9 @@
 
 use super::{AnyGridRay, PlacedGrid, Span};
 use crate::Error;
+use crate::field::ExactField;
 use crate::grid::{Voxel, VoxelGrid, Voxels};
-use crate::majorant::{Adaptive, GridRay, MajorantStructure, Majorants};
+use crate::majorant::{Adaptive, MajorantStructure, Majorants};
 use glam::{DAffine3, DVec3, Vec3};
 use pileus_math::Bounds3;
 use std::sync::Arc;
@@ -76,7 +77,8 @@ impl GridShape {
         Ok(GridShape { majorant_scale, majorants, ..self.clone() })
     }
 
-    /// The field in its raw units.
+    /// The voxels, in the units of the file: extinction over
+    /// [`sigma_t_scale`](Self::sigma_t_scale).
     #[inline(always)]
     pub fn voxels(&self) -> &Arc<VoxelGrid> {
         self.placed.grid()
@@ -92,7 +94,7 @@ impl GridShape {
         &self.placed
     }
 
-    /// From index space to the world.
+    /// The map from the grid's index space to the world.
     pub fn index_to_world(&self) -> DAffine3 {
         self.placed.index_to_world()
     }
@@ -106,7 +108,7 @@ impl GridShape {
         self.voxels().local_to_index()
     }
 
-    /// Raw value to extinction of the strongest channel, 1/length.
+    /// Factor from a voxel's value to the extinction of the strongest channel, 1/length.
     #[inline(always)]
     pub fn sigma_t_scale(&self) -> f32 {
         self.sigma_t_scale
@@ -172,7 +174,7 @@ impl GridShape {
         voxels: &'a [V],
         span: &Span,
         factor: f32,
-    ) -> GridRay<'a, V> {
+    ) -> impl ExactField + use<'a, V> {
         let partition = Adaptive::new(self.voxels(), self.per_voxel(span, factor));
         self.placed.ray(voxels, partition, self.scales(factor), span)
     }

@@ -83,7 +83,7 @@ impl BoxShape {
 
     /// The extinction along a span, times `factor`, which is positive and may exceed one.
     #[inline(always)]
-    pub fn ray(&self, span: &Span, factor: f32) -> HomogeneousRay {
+    pub(super) fn ray(&self, span: &Span, factor: f32) -> HomogeneousRay {
         let sigma_t = factor * self.sigma_t;
         HomogeneousRay { sigma_t, length: span.length, done: !(sigma_t > 0.0) }
     }
@@ -91,7 +91,7 @@ impl BoxShape {
 
 /// One segment of constant extinction.
 #[derive(Debug, Clone)]
-pub struct HomogeneousRay {
+pub(crate) struct HomogeneousRay {
     sigma_t: f32,
     length: f32,
     done: bool,

@@ -7,20 +7,23 @@ mod optics;
 mod placed_grid;
 mod span;
 
-pub use any_ray::{AnyGridRay, AnyRay};
+pub(crate) use any_ray::AnyGridRay;
+pub use any_ray::AnyRay;
+use any_ray::RayKind;
 pub use grid::{GridShape, VoxelKernel};
-pub use homogeneous::{BoxShape, HomogeneousRay};
+pub use homogeneous::BoxShape;
+use homogeneous::HomogeneousRay;
 pub use optics::{Albedo, Optics};
 pub(crate) use placed_grid::PlacedGrid;
 pub use span::Span;
 
 use crate::Error;
 use crate::field::ExactField;
-use crate::flakes::{FlakeRay, Flakes};
 use crate::grid::{VoxelGrid, Voxels};
-use crate::law::Law;
 use crate::majorant::MajorantStructure;
+use crate::microflakes::{MicroflakeRay, Microflakes};
 use crate::phase::{Phase, PhaseAt};
+use crate::transmittance_function::TransmittanceFunction;
 use glam::{DAffine3, DVec3, Vec3};
 use pileus_math::Bounds3;
 use rand_core::Rng;
@@ -82,7 +85,9 @@ impl Medium {
         albedo: [f32; 3],
         phase: Phase,
     ) -> Result<Medium, Error> {
-        if matches!(phase, Phase::ByGrid(_)) || phase.flakes().is_some_and(Flakes::by_grid) {
+        if matches!(phase, Phase::ByGrid(_))
+            || phase.microflakes().is_some_and(Microflakes::by_grid)
+        {
             return Err(Error::invalid(
                 "a homogeneous medium has no grid for its phase function",
                 "give numbers instead of grids",
@@ -93,8 +98,11 @@ impl Medium {
         Ok(Medium { shape: Shape::Box(shape), optics })
     }
 
-    /// This medium under another transmittance function; `None` is the exponential one.
-    pub fn with_transmittance_function(self, function: Option<Arc<Law>>) -> Medium {
+    /// The medium with another transmittance function; `None` is the exponential one.
+    pub fn with_transmittance_function(
+        self,
+        function: Option<Arc<TransmittanceFunction>>,
+    ) -> Medium {
         let optics = self.optics.with_transmittance_function(function);
         Medium { optics, ..self }
     }
@@ -118,7 +126,7 @@ impl Medium {
         Ok(Medium { shape, optics: self.optics.clone() })
     }
 
-    /// Where there is extinction.
+    /// Where the medium has extinction, and how much.
     #[inline(always)]
     pub fn shape(&self) -> &Shape {
         &self.shape
@@ -145,7 +153,7 @@ impl Medium {
     #[inline(always)]
     pub fn default_grid(&self) -> Option<&GridShape> {
         let is_default = |grid: &&GridShape| grid.majorants().is_adaptive() && !grid.is_wide();
-        self.grid().filter(is_default).filter(|_| self.phase().flakes().is_none())
+        self.grid().filter(is_default).filter(|_| self.phase().microflakes().is_none())
     }
 
     /// The box, or all space, of a homogeneous medium.
@@ -177,7 +185,7 @@ impl Medium {
 
     /// The transmittance function; `None` is the exponential one.
     #[inline(always)]
-    pub fn transmittance_function(&self) -> Option<&Law> {
+    pub fn transmittance_function(&self) -> Option<&TransmittanceFunction> {
         self.optics.transmittance_function()
     }
 
@@ -239,8 +247,8 @@ impl Medium {
     /// What the medium's microflakes show to a ray along `direction`: a factor of its extinction; 1
     /// for other media.
     pub fn projected_area(&self, p_world: DVec3, direction: Vec3) -> f32 {
-        let Some(flakes) = self.phase().flakes() else { return 1.0 };
-        flakes.projected_area(|| self.to_index(p_world), direction)
+        let Some(microflakes) = self.phase().microflakes() else { return 1.0 };
+        microflakes.projected_area(|| self.to_index(p_world), direction)
     }
 
     /// The part of the ray `origin + t direction`, t in [0, t_max], that may meet extinction;
@@ -268,20 +276,22 @@ impl Medium {
     /// on cells that suit the factor.
     #[inline]
     pub fn any_ray(&self, span: &Span, factor: f32) -> AnyRay<'_> {
-        match (&self.shape, self.phase().flakes()) {
-            (Shape::Grid(grid), None) => AnyRay::Grid(grid.any_ray(span, factor)),
-            (Shape::Box(shape), None) => AnyRay::Box(shape.ray(span, factor)),
-            (Shape::Grid(grid), Some(flakes)) => {
+        AnyRay(match (&self.shape, self.phase().microflakes()) {
+            (Shape::Grid(grid), None) => RayKind::Grid(grid.any_ray(span, factor)),
+            (Shape::Box(shape), None) => RayKind::Box(shape.ray(span, factor)),
+            (Shape::Grid(grid), Some(microflakes)) => {
                 let index = [span.line.p + grid.local_to_index(), span.line.d];
                 let density = grid.any_ray(span, factor);
-                AnyRay::GridOfFlakes(FlakeRay::new(density, flakes, span.direction, index))
+                let ray = MicroflakeRay::new(density, microflakes, span.direction, index);
+                RayKind::GridOfMicroflakes(ray)
             }
-            (Shape::Box(shape), Some(flakes)) => {
+            (Shape::Box(shape), Some(microflakes)) => {
                 let index = [span.line.p, span.line.d];
                 let density = shape.ray(span, factor);
-                AnyRay::BoxOfFlakes(FlakeRay::new(density, flakes, span.direction, index))
+                let ray = MicroflakeRay::new(density, microflakes, span.direction, index);
+                RayKind::BoxOfMicroflakes(ray)
             }
-        }
+        })
     }
 
     /// Calls `kernel` with the extinction along a span, times `factor`, which is positive and may
@@ -296,7 +306,7 @@ impl Medium {
                 Voxels::Single(voxels) => kernel.run(grid.ray(voxels, span, factor)),
             };
         }
-        match (&self.shape, self.phase().flakes()) {
+        match (&self.shape, self.phase().microflakes()) {
             (Shape::Box(shape), None) => kernel.run(shape.ray(span, factor)),
             _ => kernel.run(self.any_ray(span, factor)),
         }

@@ -2,8 +2,8 @@
 
 use crate::Error;
 use crate::color::ColorGrid;
-use crate::law::Law;
 use crate::phase::Phase;
+use crate::transmittance_function::TransmittanceFunction;
 use glam::{DVec3, Vec3};
 use std::sync::Arc;
 
@@ -46,7 +46,7 @@ pub struct Optics {
     chromatic_ratio: Vec3,
     albedo: Albedo,
     phase: Phase,
-    transmittance_function: Option<Arc<Law>>,
+    transmittance_function: Option<Arc<TransmittanceFunction>>,
 }
 
 impl Optics {
@@ -73,7 +73,10 @@ impl Optics {
         Ok((strongest, Optics { chromatic_ratio, albedo, phase, transmittance_function: None }))
     }
 
-    pub(crate) fn with_transmittance_function(self, function: Option<Arc<Law>>) -> Optics {
+    pub(crate) fn with_transmittance_function(
+        self,
+        function: Option<Arc<TransmittanceFunction>>,
+    ) -> Optics {
         Optics { transmittance_function: function, ..self }
     }
 
@@ -112,7 +115,7 @@ impl Optics {
 
     /// The transmittance function; `None` is the exponential one.
     #[inline(always)]
-    pub fn transmittance_function(&self) -> Option<&Law> {
+    pub fn transmittance_function(&self) -> Option<&TransmittanceFunction> {
         self.transmittance_function.as_deref()
     }
 }

@@ -7,7 +7,7 @@ use crate::Error;
 use std::f64::consts::TAU;
 
 /// Largest `alpha`: beyond it `1 + alpha cos^2` is `cos^2` for single precision.
-pub const MAX_ALPHA: f32 = 1e6;
+pub(crate) const MAX_ALPHA: f32 = 1e6;
 
 /// The phase function
 /// `(1 - g^2) (1 + alpha c^2) / (4 pi (1 + g^2 - 2 g c)^(3/2) (1 + alpha (1 + 2 g^2) / 3))`.

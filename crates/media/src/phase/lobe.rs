@@ -9,7 +9,7 @@ use crate::Error;
 use std::fmt;
 
 /// Most lobes of a mixture.
-pub const MAX_LOBES: usize = 64;
+pub(crate) const MAX_LOBES: usize = 64;
 
 /// One phase function of the scattering angle, the same everywhere.
 #[derive(Debug, Clone, PartialEq)]
@@ -46,7 +46,7 @@ impl Lobe {
     }
 
     /// Value, 1/sr; also the density of [`Lobe::sample`].
-    pub fn eval(&self, cosine: Cosine) -> f32 {
+    pub(crate) fn eval(&self, cosine: Cosine) -> f32 {
         match self {
             Lobe::Isotropic => ISOTROPIC,
             Lobe::HenyeyGreenstein { g } => henyey_greenstein::eval(*g, cosine),
@@ -57,7 +57,7 @@ impl Lobe {
     }
 
     /// The angle for a random number in [0, 1).
-    pub fn sample(&self, u: f32) -> Cosine {
+    pub(crate) fn sample(&self, u: f32) -> Cosine {
         match self {
             Lobe::Isotropic => Cosine::from_one_minus(2.0 * f64::from(u)),
             Lobe::HenyeyGreenstein { g } => henyey_greenstein::sample(*g, u),
@@ -106,7 +106,7 @@ impl Mixture {
     ///
     /// # Errors
     /// If a weight is negative or not finite, if none is above 0, or if there are more than
-    /// [`MAX_LOBES`] lobes.
+    /// 64 lobes.
     pub fn new(parts: impl IntoIterator<Item = (f64, Mixture)>) -> Result<Mixture, Error> {
         let mut lobes: Vec<(f64, Lobe)> = Vec::new();
         for (weight, part) in parts {
@@ -153,13 +153,13 @@ impl Mixture {
     }
 
     /// Value, 1/sr; also the density of [`Mixture::sample`].
-    pub fn eval(&self, cosine: Cosine) -> f32 {
+    pub(crate) fn eval(&self, cosine: Cosine) -> f32 {
         self.lobes.iter().map(|l| l.weight * l.lobe.eval(cosine)).sum()
     }
 
     /// The angle for a random number in [0, 1): it chooses the lobe, and what is left of it the
     /// angle. A lobe of weight w is left with `2^24 w` angles.
-    pub fn sample(&self, u: f32) -> Cosine {
+    pub(crate) fn sample(&self, u: f32) -> Cosine {
         let last = self.lobes.partition_point(|l| l.before <= u).saturating_sub(1);
         let Some(chosen) = self.lobes.get(last) else { return Cosine::from_one_minus(1.0) };
         let left = (u - chosen.before) / chosen.weight;

@@ -7,9 +7,9 @@ use crate::Error;
 use libm::{cos, exp, log, pow, sin, tan};
 
 /// Smallest diameter, micrometres: smaller droplets scatter by Rayleigh's law.
-pub const MIN_DIAMETER: f64 = 0.01;
+pub(crate) const MIN_DIAMETER: f64 = 0.01;
 /// Largest diameter of the fit, micrometres.
-pub const MAX_DIAMETER: f64 = 50.0;
+pub(crate) const MAX_DIAMETER: f64 = 50.0;
 
 /// Parameters of the fit.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -76,7 +76,7 @@ impl MieFit {
         })
     }
 
-    /// The two lobes.
+    /// The two lobes of the fit, Henyey-Greenstein and Draine, by their weights.
     ///
     /// # Errors
     /// None for parameters from [`MieFit::new`].

@@ -15,15 +15,15 @@ mod tabulated;
 #[cfg(test)]
 mod tests;
 
-pub use cosine::Cosine;
+pub(crate) use cosine::Cosine;
 pub use cosine_grid::CosineGrid;
-pub use draine::{Draine, MAX_ALPHA};
+pub use draine::Draine;
 pub use henyey_greenstein::MAX_G;
-pub use lobe::{Lobe, MAX_LOBES, Mixture};
-pub use mie_fit::{MAX_DIAMETER, MIN_DIAMETER, MieFit};
-pub use tabulated::{MAX_ROWS, Tabulated};
+pub use lobe::{Lobe, Mixture};
+pub use mie_fit::MieFit;
+pub use tabulated::Tabulated;
 
-use crate::flakes::{Flakes, Sggx};
+use crate::microflakes::{Microflakes, Sggx};
 use glam::{DVec3, Vec3};
 use pileus_math::around;
 use rand_core::Rng;
@@ -49,8 +49,8 @@ pub enum Phase {
     ByGrid(Arc<CosineGrid>),
     /// Any sum of lobes.
     Mixture(Arc<Mixture>),
-    /// Small flakes, which give the medium an extinction that depends on direction, too.
-    Flakes(Arc<Flakes>),
+    /// Microflakes, which give the medium an extinction that depends on direction, too.
+    Microflakes(Arc<Microflakes>),
 }
 
 impl Phase {
@@ -75,7 +75,7 @@ impl Phase {
     /// The phase function if it is the same everywhere and one of those that paths hold in their
     /// own code.
     #[inline(always)]
-    pub fn plain(&self) -> Option<PhaseAt<'static>> {
+    pub fn hg_or_isotropic(&self) -> Option<PhaseAt<'static>> {
         match self {
             Phase::Isotropic => Some(PhaseAt::Isotropic),
             Phase::HenyeyGreenstein { g } => Some(PhaseAt::HenyeyGreenstein { g: *g }),
@@ -85,7 +85,7 @@ impl Phase {
 
     /// The phase function at a point of the medium's index space, which is asked for only if it
     /// matters, for light that arrives along `incoming`. Random numbers are drawn for diffuse
-    /// flakes alone.
+    /// microflakes alone.
     #[inline(always)]
     pub fn at<R: Rng + ?Sized>(
         &self,
@@ -98,15 +98,15 @@ impl Phase {
             Phase::HenyeyGreenstein { g } => PhaseAt::HenyeyGreenstein { g: *g },
             Phase::ByGrid(grid) => PhaseAt::HenyeyGreenstein { g: grid.at_index(p_index()) },
             Phase::Mixture(mixture) => PhaseAt::Mixture(mixture),
-            Phase::Flakes(flakes) => flakes.at(p_index, incoming, rng),
+            Phase::Microflakes(microflakes) => microflakes.at(p_index, incoming, rng),
         }
     }
 
-    /// The flakes, if it is a medium of such.
+    /// The microflakes, if it is a medium of such.
     #[inline(always)]
-    pub fn flakes(&self) -> Option<&Flakes> {
+    pub fn microflakes(&self) -> Option<&Microflakes> {
         match self {
-            Phase::Flakes(flakes) => Some(flakes),
+            Phase::Microflakes(microflakes) => Some(microflakes),
             _ => None,
         }
     }
@@ -122,7 +122,7 @@ impl fmt::Display for Phase {
                 write!(f, "henyey_greenstein g by grid {low:.4} to {high:.4}")
             }
             Phase::Mixture(mixture) => mixture.fmt(f),
-            Phase::Flakes(flakes) => flakes.fmt(f),
+            Phase::Microflakes(microflakes) => microflakes.fmt(f),
         }
     }
 }
@@ -140,10 +140,10 @@ pub enum PhaseAt<'a> {
     Isotropic,
     /// Any sum of lobes.
     Mixture(&'a Mixture),
-    /// Flakes that mirror.
-    Flakes(Sggx),
-    /// One diffuse flake, which faces the light that arrives.
-    Flake {
+    /// Microflakes that mirror.
+    Microflakes(Sggx),
+    /// One diffuse microflake, which faces the light that arrives.
+    Microflake {
         /// Unit normal.
         normal: Vec3,
     },
@@ -160,10 +160,10 @@ impl PhaseAt<'_> {
         }
     }
 
-    /// Mean cosine of the scattering angle; 0 for flakes, where it depends on the direction.
+    /// Mean cosine of the scattering angle; 0 for microflakes, where it depends on the direction.
     pub fn mean_cosine(&self) -> f32 {
         match self {
-            PhaseAt::Isotropic | PhaseAt::Flakes(_) | PhaseAt::Flake { .. } => 0.0,
+            PhaseAt::Isotropic | PhaseAt::Microflakes(_) | PhaseAt::Microflake { .. } => 0.0,
             PhaseAt::HenyeyGreenstein { g } => *g,
             PhaseAt::Mixture(mixture) => mixture.mean_cosine(),
         }
@@ -198,9 +198,9 @@ impl PhaseAt<'_> {
 fn eval_other(phase: PhaseAt<'_>, incoming: Vec3, wi: Vec3) -> f32 {
     match phase {
         PhaseAt::Mixture(mixture) => mixture.eval(Cosine::between(incoming, wi)),
-        PhaseAt::Flakes(s) => s.specular(incoming, wi),
-        PhaseAt::Flake { normal } => normal.dot(wi).max(0.0) * FRAC_1_PI,
-        plain => plain.eval(incoming, wi),
+        PhaseAt::Microflakes(s) => s.specular(incoming, wi),
+        PhaseAt::Microflake { normal } => normal.dot(wi).max(0.0) * FRAC_1_PI,
+        other => other.eval(incoming, wi),
     }
 }
 
@@ -212,11 +212,11 @@ fn sample_other(phase: PhaseAt<'_>, incoming: Vec3, u: [f32; 2]) -> (Vec3, f32) 
             let wi = around(incoming, (cosine.value(), cosine.sine()), u[1]);
             (wi, mixture.eval(cosine))
         }
-        PhaseAt::Flakes(s) => s.sample_specular(incoming, u),
-        PhaseAt::Flake { normal } => {
+        PhaseAt::Microflakes(s) => s.sample_specular(incoming, u),
+        PhaseAt::Microflake { normal } => {
             let wi = around(normal, ((1.0 - u[0]).sqrt(), u[0].sqrt()), u[1]);
             (wi, normal.dot(wi).max(0.0) * FRAC_1_PI)
         }
-        plain => plain.sample(incoming, u),
+        other => other.sample(incoming, u),
     }
 }

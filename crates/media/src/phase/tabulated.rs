@@ -5,7 +5,7 @@ use crate::Error;
 use std::f64::consts::{PI, TAU};
 
 /// Most rows of a table.
-pub const MAX_ROWS: usize = 1 << 20;
+pub(crate) const MAX_ROWS: usize = 1 << 20;
 
 /// A table of values by angle, linear in the cosine between rows, normalised.
 #[derive(Debug, Clone, PartialEq)]
@@ -22,11 +22,11 @@ pub struct Tabulated {
 }
 
 impl Tabulated {
-    /// From (scattering angle in degrees, value) by ascending angle, the first 0 and the last 180
-    /// degrees. Values are relative: the table is normalised.
+    /// The function through (scattering angle in degrees, value) by ascending angle, the first 0
+    /// and the last 180 degrees. Values are relative: the table is normalised.
     ///
     /// # Errors
-    /// If there are less than two rows or more than [`MAX_ROWS`], if angles do not ascend or do not
+    /// If there are less than two rows or more than 2^20, if angles do not ascend or do not
     /// reach from 0 to 180, if a value is negative or not finite, or if all are zero. The number of
     /// the faulty row, from 0, comes along if there is one.
     pub fn new(rows: &[(f64, f64)]) -> Result<Tabulated, (Option<usize>, Error)> {

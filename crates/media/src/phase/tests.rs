@@ -1,3 +1,4 @@
+use super::draine::MAX_ALPHA;
 use super::*;
 use glam::DAffine3;
 use pileus_math::random::uniform;

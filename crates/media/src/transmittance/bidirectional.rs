@@ -3,7 +3,7 @@
 
 use crate::channels::Channels;
 use crate::field::RayField;
-use crate::stretch::{Stretch, product_over_stretches};
+use crate::ray_interval::{RayInterval, product_over_intervals};
 use crate::tally::Tally;
 use pileus_math::Spectrum;
 use pileus_math::elementary::exp;
@@ -11,8 +11,8 @@ use pileus_math::random::exponential;
 use rand_core::Rng;
 use smallvec::SmallVec;
 
-/// Majorant depth of a stretch: pairs of vertices grow with its square.
-pub const BIDIRECTIONAL_STRETCH: f32 = 8.0;
+/// Majorant depth of an interval: pairs of vertices grow with its square.
+pub(crate) const BIDIRECTIONAL_INTERVAL_DEPTH: f32 = 8.0;
 
 /// A vertex of a walk from one end.
 #[derive(Debug, Clone, Copy)]
@@ -28,7 +28,7 @@ struct Vertex<S> {
 /// The vertices from one end; the first is the end itself.
 fn walk<F: RayField, C: Channels, R: Rng + ?Sized>(
     field: &F,
-    stretch: &Stretch,
+    interval: &RayInterval,
     channels: C,
     backward: bool,
     rng: &mut R,
@@ -40,11 +40,11 @@ fn walk<F: RayField, C: Channels, R: Rng + ?Sized>(
         vertices.push(vertex);
         let gap = exponential(rng);
         vertex.depth += gap;
-        if vertex.depth >= stretch.depth {
+        if vertex.depth >= interval.depth {
             return vertices;
         }
-        let from_start = if backward { stretch.depth - vertex.depth } else { vertex.depth };
-        let real = stretch.real_ratio(field, from_start, channels, tally);
+        let from_start = if backward { interval.depth - vertex.depth } else { vertex.depth };
+        let real = interval.real_ratio(field, from_start, channels, tally);
         vertex.weight = vertex.weight.times(real.complement(rng));
         vertex.gaps += exp(gap);
         if vertex.weight.max_abs() == 0.0 {
@@ -61,28 +61,28 @@ fn walk<F: RayField, C: Channels, R: Rng + ?Sized>(
 /// the value `product of null ratios / sum of exp(gap)` over the gaps between neighbours. All pairs
 /// are used. After the bidirectional view of Georgiev et al. 2019; the closed form of the weights
 /// is ours.
-pub fn bidirectional<F: RayField, C: Channels, R: Rng + ?Sized>(
+pub(crate) fn bidirectional<F: RayField, C: Channels, R: Rng + ?Sized>(
     field: F,
     channels: C,
-    stretch: f32,
+    interval: f32,
     threshold: f32,
     rng: &mut R,
     tally: &mut Tally,
 ) -> C::Value {
-    product_over_stretches(
+    product_over_intervals(
         field,
         channels,
-        stretch,
+        interval,
         threshold,
         rng,
         tally,
-        |field, stretch, rng, tally| {
-            let forward = walk(field, stretch, channels, false, rng, tally);
-            let backward = walk(field, stretch, channels, true, rng, tally);
+        |field, interval, rng, tally| {
+            let forward = walk(field, interval, channels, false, rng, tally);
+            let backward = walk(field, interval, channels, true, rng, tally);
             let mut sum = C::Value::ZERO;
             for a in &forward {
                 for b in &backward {
-                    let gap = stretch.depth - a.depth - b.depth;
+                    let gap = interval.depth - a.depth - b.depth;
                     if gap < 0.0 {
                         break;
                     }

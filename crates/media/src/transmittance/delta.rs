@@ -12,7 +12,7 @@ use rand_core::Rng;
 /// Unbiased for a bound; relative variance `1/T - 1`. Lookups above their majorant are counted as
 /// violations: the estimate is then too large.
 #[inline(always)]
-pub fn delta_transmittance<F: RayField, C: Channels, R: Rng + ?Sized>(
+pub(crate) fn delta_transmittance<F: RayField, C: Channels, R: Rng + ?Sized>(
     mut walk: TentativeCollisions<F>,
     channels: C,
     rng: &mut R,

@@ -1,10 +1,11 @@
 //! Transmittance of a ray: one file per estimator, and one row per estimator in the table below.
 
 mod bidirectional;
-mod comb;
 mod debiased_ray_marching;
 mod delta;
+mod jittered_samples;
 mod next_flight;
+mod non_exponential;
 mod pseries;
 mod ratio;
 mod ray_marching;
@@ -12,7 +13,6 @@ mod regular;
 mod residual_ratio;
 mod taylor;
 mod unbiased_ray_marching;
-mod under_law;
 mod volterra;
 
 use crate::channels::Channels;
@@ -20,23 +20,28 @@ use crate::collisions::TentativeCollisions;
 use crate::field::ExactField;
 use crate::method::methods;
 use crate::tally::Tally;
+use bidirectional::{BIDIRECTIONAL_INTERVAL_DEPTH, bidirectional};
+use delta::delta_transmittance;
+use next_flight::next_flight;
+use pseries::{PSERIES_INTERVAL_DEPTH, pseries_cmf, pseries_cumulative};
 use rand_core::Rng;
+use ray_marching::MARCHING_SAMPLES;
 use regular::regular_tracking;
+use taylor::TAYLOR_INTERVAL_DEPTH;
+use volterra::VOLTERRA_INTERVAL_DEPTH;
 
-pub use bidirectional::{BIDIRECTIONAL_STRETCH, bidirectional};
-pub use debiased_ray_marching::{DEBIASED_TEETH, debiased_ray_marching};
-pub use delta::delta_transmittance;
-pub use next_flight::next_flight;
-pub use pseries::{PSERIES_STRETCH, pseries_cmf, pseries_cumulative};
+pub use debiased_ray_marching::{DEBIASED_SAMPLES, debiased_ray_marching};
+pub use non_exponential::{
+    DebiasingSeries, debiased_non_exponential, debiasing_difference, exact_non_exponential,
+};
 pub use ratio::{RatioEstimate, ratio_tracking, ratio_tracking_with_roulette};
-pub use ray_marching::{MARCHING_TEETH, ray_marching};
+pub use ray_marching::ray_marching;
 pub use regular::optical_depth;
 pub(crate) use regular::{ray_depth, ray_t_at_depth};
 pub use residual_ratio::{Control, residual_ratio_tracking};
-pub use taylor::{TAYLOR_STRETCH, TaylorOrder, taylor};
+pub use taylor::{TaylorOrder, taylor};
 pub use unbiased_ray_marching::unbiased_ray_marching;
-pub use under_law::{Telescope, debiased_under_law, exact_under_law, telescope_difference};
-pub use volterra::{VOLTERRA_STRETCH, volterra};
+pub use volterra::volterra;
 
 methods! {
     /// A way to estimate the transmittance of a ray. Grey or per channel: one walk, one set of
@@ -93,54 +98,54 @@ methods! {
             .breaks_without_bounds("signed weights where the bound does not hold")
         => next_flight(field, channels, rng, tally);
 
-    /// Volterra recursion without null collisions, on short stretches.
+    /// Volterra recursion without null collisions, on short intervals.
     Volterra = "volterra",
         Facts::unbiased(Work::MajorantDepth)
             .breaks("alternating terms of size tau^k / k!: a factor of variance per unit depth")
-        => volterra(field, channels, VOLTERRA_STRETCH, threshold, rng, tally);
+        => volterra(field, channels, VOLTERRA_INTERVAL_DEPTH, threshold, rng, tally);
 
-    /// Taylor series about zero depth, on short stretches.
+    /// Taylor series about zero depth, on short intervals.
     Taylor = "taylor",
         Facts::unbiased(Work::MajorantDepth)
             .breaks("terms of size tau^k / k! cancel: a factor of variance per unit depth")
-        => taylor(field, channels, TaylorOrder::Terms, TAYLOR_STRETCH, threshold, rng, tally);
+        => taylor(field, channels, TaylorOrder::Terms, TAYLOR_INTERVAL_DEPTH, threshold, rng, tally);
 
     /// Power series about the upper bound, its order by the size of its terms.
     PseriesCumulative = "pseries_cumulative",
         Facts::unbiased(Work::MajorantDepth)
-            .breaks("null ratios vary as in ratio tracking, and a first term that is small by chance may end it; rounding adds up over a thousand stretches")
-        => pseries_cumulative(field, channels, PSERIES_STRETCH, threshold, rng, tally);
+            .breaks("null ratios vary as in ratio tracking, and a first term that is small by chance may end it; rounding adds up over a thousand intervals")
+        => pseries_cumulative(field, channels, PSERIES_INTERVAL_DEPTH, threshold, rng, tally);
 
     /// Power series about the upper bound, its order by the depth of the bound.
     PseriesCmf = "pseries_cmf",
         Facts::unbiased(Work::MajorantDepth).breaks("null ratios vary as in ratio tracking")
-        => pseries_cmf(field, channels, PSERIES_STRETCH, threshold, rng, tally);
+        => pseries_cmf(field, channels, PSERIES_INTERVAL_DEPTH, threshold, rng, tally);
 
     /// Null-collision series from both ends, combined by weights.
     Bidirectional = "bidirectional",
         Facts::unbiased(Work::MajorantDepth)
-            .breaks("the noise of stretches multiplies: exponential in their number")
-        => bidirectional(field, channels, BIDIRECTIONAL_STRETCH, threshold, rng, tally);
+            .breaks("the noise of intervals multiplies: exponential in their number")
+        => bidirectional(field, channels, BIDIRECTIONAL_INTERVAL_DEPTH, threshold, rng, tally);
 
     /// Unbiased ray marching: equidistant samples, corrected by rare higher orders.
     UnbiasedRayMarching = "unbiased_ray_marching",
         Facts::unbiased(Work::MajorantDepth)
-            .breaks("teeth miss narrow features or beat with the field; rare corrections carry the rest")
+            .breaks("samples miss narrow features or beat with the field; rare corrections carry the rest")
         => unbiased_ray_marching(field, channels, f32::INFINITY, threshold, rng, tally);
 
-    /// Ray marching, debiased by a telescoping series.
+    /// Ray marching with a debiasing series.
     DebiasedRayMarching = "debiased_ray_marching",
         Facts::unbiased(Work::Samples)
             .under(Transmittances::All)
-            .breaks("differences do not shrink before a comb resolves the feature: slow tail")
+            .breaks("differences do not shrink before the samples resolve the feature: slow tail")
         => {
             let whole = f32::INFINITY;
-            debiased_ray_marching(field, channels, DEBIASED_TEETH, whole, threshold, rng, tally)
+            debiased_ray_marching(field, channels, DEBIASED_SAMPLES, whole, threshold, rng, tally)
         };
 
     /// Plain ray marching with 64 samples.
     RayMarching = "ray_marching",
         Facts::biased("shadows are too bright")
             .breaks("Jensen's inequality: too bright by T Var[depth] / 2")
-        => ray_marching(field, channels, MARCHING_TEETH, rng, tally);
+        => ray_marching(field, channels, MARCHING_SAMPLES, rng, tally);
 }

@@ -16,7 +16,7 @@ use rand_core::Rng;
 /// vertex, so that the depth to the end need not be known beforehand. Mean lookups: the majorant
 /// depth, fewer once `W` is zero.
 #[inline(always)]
-pub fn next_flight<F: RayField, C: Channels, R: Rng + ?Sized>(
+pub(crate) fn next_flight<F: RayField, C: Channels, R: Rng + ?Sized>(
     field: F,
     channels: C,
     rng: &mut R,

@@ -59,13 +59,13 @@ pub fn ratio_tracking_with_roulette<F: RayField, C: Channels, R: Rng + ?Sized>(
             if size == 0.0 {
                 break;
             }
-            let survive = size / threshold;
-            if survive < 1.0 {
-                if !happens(survive, rng) {
+            let survival = size / threshold;
+            if survival < 1.0 {
+                if !happens(survival, rng) {
                     transmittance = C::Value::ZERO;
                     break;
                 }
-                transmittance *= 1.0 / survive;
+                transmittance *= 1.0 / survival;
             }
         }
     }

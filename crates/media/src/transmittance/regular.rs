@@ -53,9 +53,11 @@ pub fn optical_depth(
         },
     };
     let depth = depth * direction.length();
-    match medium.phase().flakes() {
+    match medium.phase().microflakes() {
         None => depth,
-        Some(flakes) => depth * f64::from(flakes.largest_area(direction.normalize().as_vec3())),
+        Some(microflakes) => {
+            depth * f64::from(microflakes.largest_area(direction.normalize().as_vec3()))
+        }
     }
 }
 

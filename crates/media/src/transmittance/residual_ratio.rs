@@ -73,12 +73,12 @@ pub fn residual_ratio_tracking<F: RayField, C: Channels, R: Rng + ?Sized>(
             break;
         }
         if size < threshold {
-            let survive = size / threshold;
-            if !happens(survive, rng) {
+            let survival = size / threshold;
+            if !happens(survival, rng) {
                 product = C::Value::ZERO;
                 break;
             }
-            product *= 1.0 / survive;
+            product *= 1.0 / survival;
         }
     }
     tally.majorant_steps += field.steps();

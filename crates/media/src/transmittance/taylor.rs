@@ -2,17 +2,17 @@
 
 use crate::channels::Channels;
 use crate::field::RayField;
-use crate::stretch::product_over_stretches;
+use crate::ray_interval::product_over_intervals;
 use crate::tally::Tally;
 use pileus_math::Spectrum;
 use pileus_math::elementary::exp;
 use pileus_math::random::{exponential, happens, uniform};
 use rand_core::Rng;
 
-/// Majorant depth of a stretch: the series about zero is useless for deep ones.
-pub const TAYLOR_STRETCH: f32 = 1.0;
+/// Majorant depth of an interval: the series about zero is useless for deep ones.
+pub(crate) const TAYLOR_INTERVAL_DEPTH: f32 = 1.0;
 
-/// The law of the order of the last term.
+/// How the order of the last term is drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum TaylorOrder {
     /// Poisson of this mean; the term of that order alone is returned, divided by its probability.
@@ -26,28 +26,28 @@ pub enum TaylorOrder {
 /// An unbiased, signed estimate of the transmittance: `sum of (-tau)^k / k!`, the `k` factors of a
 /// power sampled independently.
 ///
-/// No control: relative variance grows exponentially with the depth of a `stretch`, so that rays
+/// No control: relative variance grows exponentially with the depth of an `interval`, so that rays
 /// are cut.
 pub fn taylor<F: RayField, C: Channels, R: Rng + ?Sized>(
     field: F,
     channels: C,
     order: TaylorOrder,
-    stretch: f32,
+    interval: f32,
     threshold: f32,
     rng: &mut R,
     tally: &mut Tally,
 ) -> C::Value {
-    product_over_stretches(
+    product_over_intervals(
         field,
         channels,
-        stretch,
+        interval,
         threshold,
         rng,
         tally,
-        |field, stretch, rng, tally| {
+        |field, interval, rng, tally| {
             let mut depth = |rng: &mut R| {
-                let depth = uniform(rng) * stretch.depth;
-                stretch.real_ratio(field, depth, channels, tally) * stretch.depth
+                let depth = uniform(rng) * interval.depth;
+                interval.real_ratio(field, depth, channels, tally) * interval.depth
             };
             match order {
                 TaylorOrder::Poisson(mean) => {
@@ -63,11 +63,11 @@ pub fn taylor<F: RayField, C: Channels, R: Rng + ?Sized>(
                     let (mut sum, mut term) = (C::Value::ONE, C::Value::ONE);
                     let mut k = 1.0f32;
                     loop {
-                        let survive = (stretch.depth / k).min(1.0);
-                        if survive < 1.0 && !happens(survive, rng) {
+                        let survival = (interval.depth / k).min(1.0);
+                        if survival < 1.0 && !happens(survival, rng) {
                             return sum;
                         }
-                        term = term.times(depth(rng) * (-1.0 / (k * survive)));
+                        term = term.times(depth(rng) * (-1.0 / (k * survival)));
                         if term.max_abs() == 0.0 {
                             return sum;
                         }

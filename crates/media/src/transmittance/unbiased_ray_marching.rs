@@ -1,10 +1,10 @@
-//! Unbiased ray marching [Kettunen et al. 2021]: combs, a pivot, and rare higher orders as
-//! symmetric means.
+//! Unbiased ray marching [Kettunen et al. 2021]: jittered equidistant samples, a pivot, and rare
+//! higher orders as symmetric means.
 
-use super::comb::comb;
+use super::jittered_samples::jittered_depth;
 use crate::channels::Channels;
 use crate::field::RayField;
-use crate::stretch::product_over_stretches;
+use crate::ray_interval::product_over_intervals;
 use crate::tally::Tally;
 use pileus_math::Spectrum;
 use pileus_math::elementary::{exp, ln};
@@ -12,7 +12,7 @@ use pileus_math::random::uniform;
 use rand_core::Rng;
 use smallvec::SmallVec;
 
-/// Probability of order zero: one comb, no correction.
+/// Probability of order zero: one set of samples, no correction.
 const STOP_AT_ZERO: f32 = 0.9;
 /// Orders up to this are certain once zero was passed; `k` beyond goes on with this over `k`
 /// [Bhanot and Kennedy 1985].
@@ -31,34 +31,34 @@ fn lookups_for(residual: f32) -> f32 {
 /// An unbiased, possibly negative estimate of the transmittance; without variance for constant
 /// extinction, and for linear extinction but for rounding.
 ///
-/// `stretch` is the largest majorant depth that is marched at once: infinite for the published
-/// method, finite to cut the ray so that teeth do not beat with the field over its whole length.
-/// About the lookups of the published fit per stretch.
+/// `interval` is the largest majorant depth that is marched at once: infinite for the published
+/// method, finite to cut the ray so that samples do not beat with the field over its whole length.
+/// About the lookups of the published fit per interval.
 pub fn unbiased_ray_marching<F: RayField, C: Channels, R: Rng + ?Sized>(
     field: F,
     channels: C,
-    stretch: f32,
+    interval: f32,
     threshold: f32,
     rng: &mut R,
     tally: &mut Tally,
 ) -> C::Value {
-    product_over_stretches(
+    product_over_intervals(
         field,
         channels,
-        stretch,
+        interval,
         threshold,
         rng,
         tally,
-        |field, stretch, rng, tally| {
-            let residual = (stretch.depth - stretch.minorant_depth).max(0.0);
-            let teeth = (lookups_for(residual) / (MEAN_ORDER + 1.0)).round().max(1.0) as u32;
-            let (first, last) = stretch.ends();
+        |field, interval, rng, tally| {
+            let residual = (interval.depth - interval.minorant_depth).max(0.0);
+            let samples = (lookups_for(residual) / (MEAN_ORDER + 1.0)).round().max(1.0) as u32;
+            let (first, last) = interval.ends();
             let slope = field.sigma_t_anywhere(last) - field.sigma_t_anywhere(first);
             tally.lookups += 2;
-            let distance = stretch.length / teeth as f32;
+            let distance = interval.length / samples as f32;
             let mut sample = |rng: &mut R| {
                 let offset = uniform(rng);
-                let depth = comb(field, stretch, teeth, offset, tally);
+                let depth = jittered_depth(field, interval, samples, offset, tally);
                 channels.of(depth + distance * (0.5 - offset) * slope) * -1.0
             };
             let mut exponents: SmallVec<[C::Value; 8]> = SmallVec::new();

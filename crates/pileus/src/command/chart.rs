@@ -8,7 +8,7 @@ use pileus_lab::ProfileCase;
 use pileus_lab::chart::Chart;
 use pileus_lab::experiment::{
     RenderExperiment, RenderMethod, Subject, TransmittanceMethod, TransmittanceSettings,
-    chart_laws, chart_majorants, chart_render, chart_transmittance, classed_rays, stability,
+    chart_debiasing, chart_majorants, chart_render, chart_transmittance, classed_rays, stability,
 };
 use pileus_scene::json::Document;
 use pileus_scene::{Error, Place};
@@ -39,9 +39,9 @@ pub(crate) fn run(options: &ChartOptions, report: &Report) -> Result<(), Failure
             ready(&options.output)?;
             stability_chart(options, report)
         }
-        Experiment::Laws(options) => {
+        Experiment::Debiasing(options) => {
             ready(&options.output)?;
-            write(&chart_laws()?, &options.output, report)
+            write(&chart_debiasing()?, &options.output, report)
         }
     }
 }

@@ -233,7 +233,7 @@ fn transmittance(options: &TransmittanceOptions) -> Result<Value, Failure> {
     Ok(json!({ "estimator": estimator.name(), "rays": answers, "dropped": dropped }))
 }
 
-/// A ray's stretch with a unit direction, starting at its origin.
+/// A ray's interval with a unit direction, starting at its origin.
 struct Segment {
     origin: DVec3,
     direction: DVec3,

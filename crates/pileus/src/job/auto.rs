@@ -4,8 +4,8 @@ use std::borrow::Cow;
 
 use pileus_integrator::ShadowRoulette;
 use pileus_media::distance::DistanceSampler;
+use pileus_media::method::{Named, name_or_auto};
 use pileus_media::transmittance::Estimator;
-use pileus_media::{Named, name_or_auto};
 use pileus_scene::by_name::{read_name, schema_of_names};
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};

@@ -64,10 +64,10 @@ options! {
         #[schemars(extend("default" = null))]
         clamp: f32, between(SMALLEST, LARGEST_COLOR), unit("radiance"),
             biased("what few paths find is lost");
-        /// Of `debiased_ray_marching` under a `law`: level j of the telescoping series costs 2^j
+        /// Of `debiased_ray_marching` under a `law`: level j of the debiasing series costs 2^j
         /// and has a probability in proportion to 2^(-level_exponent j). Above 1, where the work is
         /// finite; the variance is infinite above 4 on most rays, and grows from far below where
         /// extinction has narrow features.
-        level_exponent: f64 = RenderSettings::default().level_exponent, above(1), at_most(16), unbiased();
+        level_exponent: f64 = RenderSettings::default().continuation_exponent, above(1), at_most(16), unbiased();
     }
 }

@@ -2,7 +2,7 @@
 
 use pileus_film::Filter;
 use pileus_integrator::RenderSettings;
-use pileus_media::MajorantStructure;
+use pileus_media::majorant::MajorantStructure;
 
 use super::places::Places;
 use crate::failure::Failure;
@@ -37,7 +37,7 @@ pub(super) fn resolve(
         majorant_scale: spec.majorant_scale(),
         shadow_roulette: spec.shadow_roulette().0,
         clamp: spec.clamp,
-        level_exponent: spec.level_exponent(),
+        continuation_exponent: spec.level_exponent(),
         ..RenderSettings::default()
     })
 }

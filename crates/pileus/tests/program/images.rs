@@ -56,7 +56,7 @@ fn a_job_gives_an_image_that_knows_how_it_came_about() {
     );
     assert_eq!(stats["job_hash"].as_str().unwrap(), text(&image, "pileus:job_hash"));
     // What the plan expected and what was measured, of 2560 paths: within three standard deviations
-    // of the pilot's 512, some 5 % each.
+    // of the prepass's 512, some 5 % each.
     let (expected, measured) = (&stats["plan"]["predicted"], &stats["plan"]["measured"]);
     for key in
         ["lookups_per_path", "steps_per_path", "lookups_per_collision", "steps_per_collision"]

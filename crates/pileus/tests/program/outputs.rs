@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 
 use crate::{folder, path, run, stderr};
 
-/// A job that would take for ever, if it were rendered.
+/// A job that would take forever, if it were rendered.
 fn endless(output: Value) -> Value {
     json!({
         "lights": [{ "type": "environment", "radiance": 1 }],

@@ -35,7 +35,7 @@ const FREE: u64 = 16 << 20;
 /// float, three components four, and vertices are shared.
 const GROWTH: u64 = 16;
 
-/// A stretch of a buffer.
+/// A range of a buffer.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct View<'a> {
     pub(crate) bytes: &'a [u8],

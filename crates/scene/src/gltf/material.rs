@@ -307,7 +307,7 @@ impl Default for ScatterJson {
 }
 
 /// Darkest attenuation colour: black would be an infinite extinction.
-const DARKEST: f32 = 1e-6;
+const MIN_ATTENUATION_COLOR: f32 = 1e-6;
 
 /// The materials of a file, and glTF's default material as one more at the end. Those that are not
 /// among `used` are not looked at: default materials stand in their places. What has no effect is
@@ -616,7 +616,7 @@ impl Reader<'_, '_> {
         self.check(distance > 0.0, &key("attenuationDistance"), what)?;
         let sigma_t = volume.attenuation_color.map(|c| {
             // The first is -0 for white.
-            (-ln(c.clamp(DARKEST, 1.0)) / distance).max(0.0)
+            (-ln(c.clamp(MIN_ATTENUATION_COLOR, 1.0)) / distance).max(0.0)
         });
         let sigma_t = Vec3::from_array(sigma_t);
         self.check(sigma_t.is_finite(), &key("attenuationDistance"), what)?;

@@ -7,34 +7,17 @@ use gltf::json;
 use gltf::json::mesh::{Mode, Semantic};
 use gltf::json::validation::Checked;
 
-use super::GltfScene;
 use super::accessor::{Accessors, Use};
 use super::buffer::Buffers;
+use super::contents::{GltfMesh, GltfScene};
 use super::instances::instances;
 use super::material;
 use super::pose::{Pose, PoseKey, Poses, pose_key};
 use super::texture::Textures;
 use crate::error::Error;
 use crate::json::Document;
-use crate::surface::bodies::{Closure, Shells};
+use crate::surface::shells::{Closure, Shells};
 use crate::surface::{GlassRule, Material, Mesh, Part, Refusal, Surfaces, Tag};
-
-/// A node with a mesh.
-#[derive(Debug, Clone, PartialEq)]
-pub struct GltfMesh {
-    /// Name of the node; empty if it has none.
-    pub name: String,
-    /// Number of the node in the file.
-    pub node: usize,
-    /// Number of the mesh in the file.
-    pub mesh: usize,
-    /// World transform of the node.
-    pub to_world: DAffine3,
-    /// Number of the skin in the file, whose joints place the mesh instead of `to_world`.
-    pub skin: Option<usize>,
-    /// Weights of the mesh's morph targets at rest; empty if all are zero.
-    pub weights: Vec<f32>,
-}
 
 /// The surfaces of a file, and what was decided about them.
 #[derive(Debug, Default)]
@@ -193,7 +176,7 @@ enum Claim {
 }
 
 /// Most surfaces that are named one by one in warnings.
-const MOST_NAMED: usize = 16;
+const MAX_NAMED: usize = 16;
 
 impl Loader<'_> {
     /// A mesh of all primitives of triangles; `None` if there is no triangle.
@@ -480,7 +463,7 @@ impl Loader<'_> {
         let mut warnings: Vec<String> = self
             .doubts
             .iter()
-            .take(MOST_NAMED)
+            .take(MAX_NAMED)
             .map(|Doubt { mesh, node, material, what, triangles }| {
                 let body = format!(
                     "mesh {mesh} of node {node}: {triangles} triangles of material {material}"
@@ -505,8 +488,8 @@ impl Loader<'_> {
                 }
             })
             .collect();
-        if self.doubts.len() > MOST_NAMED {
-            let more = self.doubts.len() - MOST_NAMED;
+        if self.doubts.len() > MAX_NAMED {
+            let more = self.doubts.len() - MAX_NAMED;
             warnings.push(format!("{more} more surfaces do not bound bodies as they should"));
         }
         warnings

@@ -6,10 +6,13 @@
 
 mod accessor;
 mod buffer;
+mod contents;
+mod extensions;
 mod image_guard;
 mod instances;
 mod material;
 mod mesh;
+mod names;
 mod phase;
 mod pose;
 mod texture;
@@ -18,128 +21,30 @@ mod walk;
 
 use std::fs::File;
 use std::io::Read;
-use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::path::Path;
 
-use glam::DAffine3;
 use gltf::json;
 
-pub use mesh::{GltfMesh, GltfSurfaces};
+pub use contents::{GltfCamera, GltfCounts, GltfMesh, GltfScene, GltfVolume};
+pub use mesh::GltfSurfaces;
+pub(crate) use names::list_names;
 
 use crate::error::{Error, Place};
 use crate::json::{Document, acceptable_gltf};
-use crate::light::punctual::Light;
-use crate::spec::volume_spec::VolumeSpec;
 use crate::surface::GlassRule;
-use instances::INSTANCING;
-use volume::{EXTENSION, flat_keys};
+use extensions::{MODELLED, is_modelled};
+use volume::flat_keys;
 use walk::walk;
-
-/// What a glTF file contributes to a scene.
-#[derive(Debug, Clone)]
-pub struct GltfScene {
-    /// Cameras of the file, in the order of the node walk.
-    pub cameras: Vec<GltfCamera>,
-    /// Punctual lights of the file in radiometric units.
-    pub lights: Vec<Light>,
-    /// Volumes of the file.
-    pub volumes: Vec<GltfVolume>,
-    /// Nodes of the file that have meshes.
-    pub meshes: Vec<GltfMesh>,
-    /// What it contains and this version leaves out, as sentences.
-    pub not_modelled: Vec<String>,
-    /// What was chosen in it, as sentences for people.
-    pub notes: Vec<String>,
-    /// What is likely not meant so, as sentences for people.
-    pub warnings: Vec<String>,
-    /// The program that wrote it, by its own name.
-    pub generator: Option<String>,
-    /// Whether it has nodes that hold nothing: an empty that lost its properties, perhaps.
-    pub has_empties: bool,
-    /// World transforms of the nodes, if a mesh is placed by the joints of a skin; `None` for nodes
-    /// that are their own ancestors.
-    pub(crate) transforms: Vec<Option<DAffine3>>,
-    /// Numbers of things in the file, for `info`.
-    pub counts: GltfCounts,
-    /// The files that its buffers and images are in, whether they are needed or not.
-    pub files: Vec<PathBuf>,
-}
-
-/// A perspective camera of a glTF file.
-#[derive(Debug, Clone, PartialEq)]
-pub struct GltfCamera {
-    /// Name of its node; empty if it has none.
-    pub node: String,
-    /// Number of its node in the file.
-    pub index: usize,
-    /// Name of the camera itself; empty if it has none.
-    pub name: String,
-    /// From the camera's space (it looks along -Z) to the world.
-    pub to_world: DAffine3,
-    /// Full vertical opening angle in degrees; `None` for an orthographic camera.
-    pub fov_y_degrees: Option<f64>,
-    /// Width over height of the view it was made for.
-    pub aspect_ratio: Option<f64>,
-}
-
-/// A volume of a glTF file.
-#[derive(Debug, Clone, PartialEq)]
-pub struct GltfVolume {
-    /// Name of its node; empty if it has none.
-    pub node: String,
-    /// What the node says; its file names are resolved. Instances of a node share it.
-    pub spec: Arc<VolumeSpec>,
-    /// World transform of the node, or of its instance.
-    pub to_world: DAffine3,
-    /// Where the specification stands, a JSON pointer.
-    pub pointer: String,
-    /// File, line and column of the specification.
-    pub place: Place,
-}
-
-/// Numbers of things in a glTF file.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize)]
-#[expect(missing_docs, reason = "named as glTF names them")]
-pub struct GltfCounts {
-    pub nodes: usize,
-    pub meshes: usize,
-    pub materials: usize,
-    pub textures: usize,
-    pub animations: usize,
-    pub skins: usize,
-}
 
 /// Largest JSON part of a glTF file.
 const MAX_JSON: u64 = 64 << 20;
 /// Largest .glb file.
 const MAX_GLB: u64 = 4 << 30;
 
-/// The extension that hides nodes with all that is below them.
-const VISIBILITY: &str = "KHR_node_visibility";
-
-/// Extensions that are modelled, besides those of materials. `KHR_mesh_quantization` only allows
-/// more types of components, `KHR_animation_pointer` more targets of animations, which are not
-/// played.
-const MODELLED: [&str; 7] = [
-    EXTENSION,
-    INSTANCING,
-    "KHR_animation_pointer",
-    "KHR_lights_punctual",
-    "KHR_mesh_quantization",
-    VISIBILITY,
-    "KHR_texture_transform",
-];
-
-/// Names that a list in a message shows.
-const SHOWN: usize = 8;
 /// The custom properties (flat keys of `extras`) by which a node becomes a volume: name and
 /// meaning.
 pub fn custom_properties() -> Vec<(&'static str, &'static str)> {
     flat_keys()
-}
-
-fn is_modelled(extension: &str) -> bool {
-    MODELLED.contains(&extension) || material::MODELLED.contains(&extension)
 }
 
 /// Reads a .gltf or .glb file.
@@ -329,16 +234,6 @@ fn check_required(document: &Document, root: &json::Root) -> Result<(), Error> {
             modelled.join(", ")
         ),
     ))
-}
-
-/// Names in backticks, of which a few are shown.
-pub(crate) fn list_names<T: AsRef<str>>(names: &[T]) -> String {
-    let mut list: Vec<String> =
-        names.iter().take(SHOWN).map(|name| format!("`{}`", name.as_ref())).collect();
-    if let Some(more) = names.len().checked_sub(SHOWN).filter(|&more| more > 0) {
-        list.push(format!("and {more} more"));
-    }
-    list.join(", ")
 }
 
 #[cfg(test)]

@@ -5,7 +5,7 @@ use std::path::Path;
 use super::volume::Flat;
 use crate::error::Error;
 use crate::json::nearest;
-use crate::spec::flake_spec::{FlakeScatteringSpec, FlakeShapeSpec, FlakeSpec};
+use crate::spec::microflake_spec::{MicroflakeScatteringSpec, MicroflakeShapeSpec, MicroflakeSpec};
 use crate::spec::phase_spec::{CosineGridSpec, CosineSpec, PhaseSpec};
 use crate::uri::resolve_name;
 
@@ -80,10 +80,10 @@ static TYPES: [FlatType; 8] = [
         ],
         read: |keys| {
             let flat = keys.flat;
-            let shape = choice(flat, "pileus_flake_shape", &FLAKE_SHAPES)?;
+            let shape = choice(flat, "pileus_flake_shape", &MICROFLAKE_SHAPES)?;
             Ok(PhaseSpec::Sggx {
-                flakes: choice(flat, "pileus_flakes", &FLAKE_SCATTERING)?,
-                distribution: FlakeSpec {
+                flakes: choice(flat, "pileus_flakes", &MICROFLAKE_SCATTERING)?,
+                distribution: MicroflakeSpec {
                     shape: shape.ok_or_else(|| keys.missing("pileus_flake_shape"))?,
                     axis: flat.vector("pileus_flake_axis")?,
                     axis_grid: flat.text("pileus_flake_axis_grid")?,
@@ -138,7 +138,7 @@ const MEANINGS: [(&str, &str); 19] = [
     ("pileus_alpha", "of `draine`: weight of the squared cosine, 0 to 1000000"),
     ("pileus_droplet_diameter", "of `mie`: diameter of the droplets in micrometres, 0.01 to 50"),
     ("pileus_phase_file", "of `tabulated`: a text file of angles in degrees and values"),
-    ("pileus_flakes", "of `sggx`: `specular` or `diffuse` flakes; default `specular`"),
+    ("pileus_flakes", "of `sggx`: `specular` or `diffuse` microflakes; default `specular`"),
     ("pileus_flake_shape", "of `sggx`: `isotropic`, `fibre`, `surface` or `matrix`"),
     ("pileus_flake_axis", "of `fibre` and `surface`: the axis, of any length"),
     ("pileus_flake_axis_grid", "a grid of vectors with the axis"),
@@ -193,15 +193,17 @@ pub(crate) fn flat_phase(flat: &Flat<'_>, base: &Path) -> Result<Option<PhaseSpe
     read(&Keys { flat, base, name: kind.name }).map(Some)
 }
 
-const FLAKE_SHAPES: [(&str, FlakeShapeSpec); 4] = [
-    ("isotropic", FlakeShapeSpec::Isotropic),
-    ("fibre", FlakeShapeSpec::Fibre),
-    ("surface", FlakeShapeSpec::Surface),
-    ("matrix", FlakeShapeSpec::Matrix),
+const MICROFLAKE_SHAPES: [(&str, MicroflakeShapeSpec); 4] = [
+    ("isotropic", MicroflakeShapeSpec::Isotropic),
+    ("fibre", MicroflakeShapeSpec::Fibre),
+    ("surface", MicroflakeShapeSpec::Surface),
+    ("matrix", MicroflakeShapeSpec::Matrix),
 ];
 
-const FLAKE_SCATTERING: [(&str, FlakeScatteringSpec); 2] =
-    [("specular", FlakeScatteringSpec::Specular), ("diffuse", FlakeScatteringSpec::Diffuse)];
+const MICROFLAKE_SCATTERING: [(&str, MicroflakeScatteringSpec); 2] = [
+    ("specular", MicroflakeScatteringSpec::Specular),
+    ("diffuse", MicroflakeScatteringSpec::Diffuse),
+];
 
 /// One of a few names.
 fn choice<T: Copy>(flat: &Flat<'_>, key: &str, choices: &[(&str, T)]) -> Result<Option<T>, Error> {

@@ -10,7 +10,7 @@ use gltf::json::mesh::Semantic;
 use gltf::json::validation::Checked;
 
 use super::accessor::{Accessors, Use};
-use super::mesh::GltfMesh;
+use super::contents::GltfMesh;
 use crate::error::Error;
 use crate::surface::Part;
 

@@ -3,7 +3,8 @@
 use glam::{DVec3, Vec3};
 
 use super::*;
-use crate::spec::volume_spec::LawSpec;
+use crate::light::Light;
+use crate::spec::volume_spec::TransmittanceFunctionSpec;
 
 fn read(text: &str) -> Result<GltfScene, Error> {
     parse("folder/a.gltf", text.as_bytes(), 683.0)
@@ -37,7 +38,9 @@ fn extension_extras_object_and_flat_keys_say_the_same() {
     assert_eq!(specs[0], specs[1]);
     assert_eq!(specs[0], specs[2]);
     assert_eq!(Path::new(specs[0].vdb.as_ref().unwrap()), Path::new("folder/a b.vdb"));
-    let Some(LawSpec::Table { file }) = &specs[0].law else { panic!("{:?}", specs[0].law) };
+    let Some(TransmittanceFunctionSpec::Table { file }) = &specs[0].law else {
+        panic!("{:?}", specs[0].law)
+    };
     assert_eq!(Path::new(file), Path::new("folder/a b.csv"));
 }
 

@@ -9,7 +9,8 @@ use crate::error::{Error, Place};
 use crate::json::{Document, nearest};
 use crate::spec::by_name::ByName;
 use crate::spec::volume_spec::{
-    AlbedoSpec, DensitySpec, EmissionSpec, LawSpec, Rgb, TemperatureSpec, UpAxis, VolumeSpec,
+    AlbedoSpec, DensitySpec, EmissionSpec, Rgb, TemperatureSpec, TransmittanceFunctionSpec, UpAxis,
+    VolumeSpec,
 };
 use crate::uri::{resolve_name, resolve_uri};
 
@@ -144,42 +145,48 @@ impl Flat<'_> {
             albedo: self.rgb("pileus_albedo")?.map(AlbedoSpec::Constant),
             extinction: self.rgb("pileus_extinction")?,
             phase: flat_phase(self, base)?,
-            law: self.law(base)?,
+            law: self.transmittance_function(base)?,
             emission: self.emission()?,
             up_axis: up_axis.map(ByName),
             ..VolumeSpec::default()
         }))
     }
 
-    fn law(&self, base: &Path) -> Result<Option<LawSpec>, Error> {
+    fn transmittance_function(
+        &self,
+        base: &Path,
+    ) -> Result<Option<TransmittanceFunctionSpec>, Error> {
         let name = self.text("pileus_law")?;
         let needs = |key: &str, what: &str| self.number(key)?.ok_or_else(|| self.lacks(key, what));
-        let (law, own): (Option<LawSpec>, &[&str]) = match name.as_deref() {
+        let (function, own): (Option<TransmittanceFunctionSpec>, &[&str]) = match name.as_deref() {
             None => (None, &[]),
-            Some("exponential") => (Some(LawSpec::Exponential {}), &[]),
-            Some("linear") => (Some(LawSpec::Linear {}), &[]),
+            Some("exponential") => (Some(TransmittanceFunctionSpec::Exponential {}), &[]),
+            Some("linear") => (Some(TransmittanceFunctionSpec::Linear {}), &[]),
             Some("power") => {
                 let k = needs("pileus_law_k", "a power law")?;
-                (Some(LawSpec::Power { k }), &["pileus_law_k"])
+                (Some(TransmittanceFunctionSpec::Power { k }), &["pileus_law_k"])
             }
             Some("davis_weinstein") => {
-                let h = needs("pileus_law_h", "a Davis-Weinstein law")?;
-                let c = needs("pileus_law_c", "a Davis-Weinstein law")?;
-                (Some(LawSpec::DavisWeinstein { h, c }), &["pileus_law_h", "pileus_law_c"])
+                let h = needs("pileus_law_h", "a Davis-Weinstein transmittance")?;
+                let c = needs("pileus_law_c", "a Davis-Weinstein transmittance")?;
+                (
+                    Some(TransmittanceFunctionSpec::DavisWeinstein { h, c }),
+                    &["pileus_law_h", "pileus_law_c"],
+                )
             }
             Some("erlang") => {
-                let n = needs("pileus_law_n", "an Erlang law")?;
+                let n = needs("pileus_law_n", "an Erlang transmittance")?;
                 if !(n.fract() == 0.0 && (0.0..=1e6).contains(&n)) {
                     return Err(self.wrong("pileus_law_n", "a whole number"));
                 }
-                (Some(LawSpec::Erlang { n: n as u32 }), &["pileus_law_n"])
+                (Some(TransmittanceFunctionSpec::Erlang { n: n as u32 }), &["pileus_law_n"])
             }
             Some("table") => {
                 let Some(file) = self.text("pileus_law_file")? else {
-                    return Err(self.lacks("pileus_law_file", "a tabulated law"));
+                    return Err(self.lacks("pileus_law_file", "a tabulated transmittance function"));
                 };
                 let file = path_text(&resolve_name(base, &file));
-                (Some(LawSpec::Table { file }), &["pileus_law_file"])
+                (Some(TransmittanceFunctionSpec::Table { file }), &["pileus_law_file"])
             }
             Some(_) => {
                 let expected = "\"exponential\", \"power\", \"davis_weinstein\", \"erlang\", \"linear\" or \"table\"; mixtures stand in an object `pileus_volume`";
@@ -192,14 +199,16 @@ impl Flat<'_> {
                 return Err(Error::invalid(
                     self.place(key),
                     format!(
-                        "`{key}` means nothing to the law `{}`",
+                        "`{key}` means nothing to the transmittance function `{}`",
                         name.as_deref().unwrap_or("exponential")
                     ),
-                    format!("remove `{key}`, or set `pileus_law` to the law that it belongs to"),
+                    format!(
+                        "remove `{key}`, or set `pileus_law` to the transmittance function that it belongs to"
+                    ),
                 ));
             }
         }
-        Ok(law)
+        Ok(function)
     }
 
     fn lacks(&self, key: &str, what: &str) -> Error {

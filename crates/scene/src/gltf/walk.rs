@@ -10,13 +10,13 @@ use serde_json::{Map, Value};
 
 use super::accessor::Accessors;
 use super::buffer::Buffers;
+use super::contents::{GltfCamera, GltfCounts, GltfMesh, GltfScene, GltfVolume};
+use super::extensions::{VISIBILITY, is_modelled};
 use super::instances::instances;
-use super::mesh::{self, GltfMesh};
+use super::mesh;
+use super::names::{SHOWN, list_names};
 use super::pose::default_weights;
 use super::volume::{EXTENSION, KEPT, volume_of_node};
-use super::{
-    GltfCamera, GltfCounts, GltfScene, GltfVolume, SHOWN, VISIBILITY, is_modelled, list_names,
-};
 use crate::error::{Error, Place};
 use crate::json::Document;
 use crate::light::punctual::{Light, Point, Spot, Sun};

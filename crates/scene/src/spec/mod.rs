@@ -3,8 +3,8 @@
 //! An option is one row of [`options!`](crate::options); the schema and the reference page follow.
 
 pub mod by_name;
-pub mod flake_spec;
 mod hint;
+pub mod microflake_spec;
 pub mod option;
 pub mod phase_spec;
 pub mod schema_rule;

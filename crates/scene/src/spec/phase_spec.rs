@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::fmt;
 
-use super::flake_spec::{FlakeScatteringSpec, FlakeSpec};
+use super::microflake_spec::{MicroflakeScatteringSpec, MicroflakeSpec};
 use super::volume_rules as rules;
 use crate::options;
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
@@ -63,16 +63,16 @@ pub enum PhaseSpec {
         #[schemars(extend("minimum" = 0.01, "maximum" = 50))]
         droplet_diameter: f64,
     },
-    /// Small flakes [Jakob et al. 2010] with normals by the SGGX distribution [Heitz et al. 2015].
-    /// The extinction depends on direction: it is the density times the area that flakes show, 1
-    /// where all face the ray.
+    /// Microflakes [Jakob et al. 2010] with normals by the SGGX distribution [Heitz et al. 2015].
+    /// The extinction depends on direction: it is the density times the area that microflakes show,
+    /// 1 where all face the ray.
     Sggx {
-        /// How a flake scatters.
+        /// How a microflake scatters.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         #[schemars(extend("default" = "specular"))]
-        flakes: Option<FlakeScatteringSpec>,
+        flakes: Option<MicroflakeScatteringSpec>,
         /// How their normals are distributed.
-        distribution: FlakeSpec,
+        distribution: MicroflakeSpec,
     },
     /// A table of measured or computed values.
     Tabulated {

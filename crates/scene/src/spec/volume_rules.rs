@@ -73,13 +73,13 @@ pub(crate) fn volume() -> Value {
         rule(
             not_both(given("law"), given("law_mixture")),
             "the volume has both `law` and `law_mixture`",
-            "keep one; a law can be a component of the mixture",
+            "keep one; a transmittance function can be a component of the mixture",
         ),
     ])
 }
 
-/// Which keys belong to which shape of flakes.
-pub(crate) fn flakes() -> Value {
+/// Which keys belong to which shape of microflakes.
+pub(crate) fn microflakes() -> Value {
     let along = ["axis", "axis_grid", "roughness", "roughness_grid"];
     let matrix = ["diagonal", "off_diagonal", "diagonal_grid", "off_diagonal_grid"];
     let shape = |names: &[&str]| with("shape", json!({ "enum": names }));
@@ -111,7 +111,7 @@ pub(crate) fn flakes() -> Value {
                     both(given("axis_grid"), given("roughness_grid")),
                 ] }),
             ),
-            "axis and roughness of the flakes are not both given",
+            "axis and roughness of the microflakes are not both given",
             "give `axis` and `roughness`; a grid of roughness needs a grid of axes",
         ),
         rule(
@@ -122,7 +122,7 @@ pub(crate) fn flakes() -> Value {
                     both(given("diagonal_grid"), given("off_diagonal_grid")),
                 ] }),
             ),
-            "the matrix of the flakes is given by half",
+            "the matrix of the microflakes is given by half",
             "give the entries xx, yy, zz as `diagonal`, or grids for diagonal and off_diagonal",
         ),
     ])
@@ -144,7 +144,7 @@ pub(crate) fn lobes(schema: &mut schemars::Schema) {
             ),
             later(
                 json!({ "items": { "not": { "anyOf": [flakes, by_grid] } } }),
-                "flakes and cosines by grid cannot be lobes of a mixture",
+                "microflakes and cosines by grid cannot be lobes of a mixture",
                 "write two volumes: media may overlap",
             ),
         ]),
@@ -173,7 +173,7 @@ pub(crate) fn entries(schema: &mut schemars::Schema) {
     schema.insert("allOf".into(), json!([super::schema_rule::direction()]));
 }
 
-/// What holds of the two numbers of a Davis-Weinstein law together.
+/// What holds of the two numbers of a Davis-Weinstein transmittance together.
 pub(crate) fn davis_weinstein() -> Value {
     rule(
         implies(with("h", json!({ "const": 1 })), with("c", json!({ "exclusiveMaximum": 1 }))),

@@ -9,7 +9,8 @@ use super::option::{above, at_least, at_most, below, pattern};
 use super::phase_spec::PhaseSpec;
 use super::{volume_rules as rules, whole};
 use crate::options;
-use pileus_media::{Interpolation, Named};
+use pileus_media::Interpolation;
+use pileus_media::method::Named;
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::{self, MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -41,11 +42,11 @@ options! {
         /// The angular law of scattering.
         phase: PhaseSpec = PhaseSpec::Isotropic {};
         /// How light gets through: transmittance as a function of optical depth.
-        law: LawSpec = LawSpec::Exponential {};
-        /// A weighted sum of laws instead of `law`.
+        law: TransmittanceFunctionSpec = TransmittanceFunctionSpec::Exponential {};
+        /// A weighted sum of transmittance functions instead of `law`.
         #[schemars(extend("minItems" = 1, "maxItems" = 64))]
-        law_mixture: Vec<LawComponentSpec>;
-        /// Light that the volume gives off.
+        law_mixture: Vec<MixtureComponentSpec>;
+        /// Light that the volume emits.
         emission: EmissionSpec;
         /// How values between voxels are formed.
         interpolation: ByName<Interpolation> = ByName(Interpolation::Trilinear);
@@ -102,12 +103,12 @@ pub enum AlbedoSpec {
     Grid(String),
 }
 
-/// A transmittance law: `T(tau)` between places that have nothing to do with the volume's
+/// A transmittance function: `T(tau)` between places that have nothing to do with the volume's
 /// particles. Rays that start at one of them follow `T'(tau) / T'(0)`, so that transport conserves
 /// energy and is reciprocal.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "type", rename_all = "snake_case", deny_unknown_fields)]
-pub enum LawSpec {
+pub enum TransmittanceFunctionSpec {
     /// `exp(-tau)`: particles without order.
     Exponential {},
     /// `(1 + tau / k)^-k`: particles in clusters.
@@ -146,14 +147,14 @@ pub enum LawSpec {
 }
 
 options! {
-    /// One law of a mixture.
-    pub struct LawComponentSpec {
+    /// One transmittance function of a mixture.
+    pub struct MixtureComponentSpec {
         /// Its share, above 0; shares are divided by their sum.
         required weight: f64, above(0), at_most(1e9);
         /// Factor on its optical depth, above 0.
         rate: f64 = 1.0, above(1e-9), at_most(1e9);
-        /// The law.
-        required law: LawSpec;
+        /// The transmittance function.
+        required law: TransmittanceFunctionSpec;
     }
 }
 
@@ -174,13 +175,13 @@ impl VolumeSpec {
             self.phase = Some(phase.map_files(&mut |name| resolve("/phase", &name))?);
         }
         let mixture = self.law_mixture.iter_mut().flatten().enumerate();
-        let laws = self
+        let functions = self
             .law
             .iter_mut()
-            .map(|law| ("/law/file".to_owned(), law))
+            .map(|one| ("/law/file".to_owned(), one))
             .chain(mixture.map(|(i, c)| (format!("/law_mixture/{i}/law/file"), &mut c.law)));
-        for (pointer, law) in laws {
-            if let LawSpec::Table { file } = law {
+        for (pointer, function) in functions {
+            if let TransmittanceFunctionSpec::Table { file } = function {
                 *file = resolve(&pointer, file)?;
             }
         }
@@ -188,7 +189,7 @@ impl VolumeSpec {
     }
 }
 
-/// Light that a volume gives off, as radiance per scene unit along a ray; scaling the volume makes
+/// Light that a volume emits, as radiance per scene unit along a ray; scaling the volume makes
 /// it larger, and thereby brighter.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "type", rename_all = "snake_case", deny_unknown_fields)]

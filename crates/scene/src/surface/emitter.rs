@@ -1,4 +1,4 @@
-//! Triangles that give off light.
+//! Triangles that emit light.
 
 use glam::{DVec3, UVec2, Vec2, Vec3};
 
@@ -6,7 +6,7 @@ use super::material::Material;
 use super::mesh::Mesh;
 use super::texture::{Image, Texture, Wrap};
 
-/// A triangle of an instance that gives off light, in world space.
+/// A triangle of an instance that emits light, in world space.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EmissiveTriangle {
     /// First vertex of the triangle, in world space.

@@ -19,6 +19,7 @@ use std::hash::Hasher;
 
 use fnv::FnvHasher;
 use glam::{DAffine3, DVec3, Vec3};
+use pileus_math::Bounds3;
 use rand_core::Rng;
 
 use super::interaction::{Hit, Interaction};
@@ -56,10 +57,10 @@ const BORDER: f64 = 1e-9;
 /// Fills in the misfits of all instances.
 pub(super) fn measure(meshes: &[Mesh], instances: &mut [Instance]) {
     for instance in instances.iter_mut() {
-        let (low, high) = instance.bounds;
+        let Bounds3 { low, high } = instance.bounds;
         let reach = low.abs().max(high.abs());
         let mesh = meshes[instance.mesh].bounds;
-        let local = mesh.0.abs().max(mesh.1.abs());
+        let local = mesh.low.abs().max(mesh.high.abs());
         instance.misfit = Misfit {
             file: reach.max_element() * FILE,
             rounding: instance.rounding.offset(local, reach, Vec3::splat(0.6)),
@@ -103,7 +104,7 @@ impl Layer<'_> {
     /// An order of surfaces that knows nothing of rays, and nothing of the order in the file as
     /// long as anything else tells them apart.
     fn smaller_first(&self, other: &Self) -> Ordering {
-        let places = |i: &Instance| [i.bounds.0.to_array(), i.bounds.1.to_array()];
+        let places = |i: &Instance| [i.bounds.low.to_array(), i.bounds.high.to_array()];
         let by_place = || {
             let (a, b) = (places(self.instance), places(other.instance));
             let all = a.as_flattened().iter().zip(b.as_flattened());
@@ -296,18 +297,18 @@ impl Surfaces {
     /// between, and what coincides with the triangle and comes before it. Both ends as in
     /// [`Self::occluded_between`].
     pub fn hides_lamp(&self, from: DVec3, to: DVec3, emitter: u32, rng: &mut impl Rng) -> bool {
-        let Some(lamp) = self.emitters.get(emitter as usize) else {
+        let Some(light) = self.emitters.get(emitter as usize) else {
             return self.occluded_between(from, to, rng);
         };
         let ray = DRay { origin: from, direction: to - from };
-        let window = self.instances[lamp.instance as usize].misfit.window / ray.direction.length();
+        let window = self.instances[light.instance as usize].misfit.window / ray.direction.length();
         let mut seed = None;
         let mut hidden = false;
         let mut near: Vec<Hit> = Vec::new();
         self.walk(&ray, 1.0 + window, |_, mesh, hit, end| {
             let at_end = hit.t >= 1.0 - window;
-            let is_lamp = (hit.instance, hit.triangle) == (lamp.instance, lamp.triangle);
-            if at_end && is_lamp || !self.is_present::<false>(mesh, &hit, &mut seed, rng) {
+            let is_light = (hit.instance, hit.triangle) == (light.instance, light.triangle);
+            if at_end && is_light || !self.is_present::<false>(mesh, &hit, &mut seed, rng) {
                 return end;
             }
             if at_end {
@@ -317,15 +318,15 @@ impl Surfaces {
             hidden = true;
             -1.0
         });
-        hidden || !near.is_empty() && self.covers(lamp, &ray, &near)
+        hidden || !near.is_empty() && self.covers(light, &ray, &near)
     }
 
-    /// Whether any of these hits, near the end of a ray at a lamp, comes before it.
+    /// Whether any of these hits, near the end of a ray at an area light, comes before it.
     #[cold]
     #[inline(never)]
-    fn covers(&self, lamp: &EmissiveTriangle, ray: &DRay, near: &[Hit]) -> bool {
-        let normal = lamp.normal.as_dvec3();
-        let (instance, triangle) = (lamp.instance, lamp.triangle);
+    fn covers(&self, light: &EmissiveTriangle, ray: &DRay, near: &[Hit]) -> bool {
+        let normal = light.normal.as_dvec3();
+        let (instance, triangle) = (light.instance, light.triangle);
         let own = Hit {
             t: 1.0,
             instance,
@@ -337,7 +338,7 @@ impl Surfaces {
         };
         let mut stack = vec![self.layer(own)];
         for hit in near {
-            let gap = (ray.origin + ray.direction * hit.t - lamp.p0).dot(normal).abs();
+            let gap = (ray.origin + ray.direction * hit.t - light.p0).dot(normal).abs();
             if self.coincide(&own, hit, gap) {
                 stack.push(self.layer(*hit));
             } else if hit.t < 1.0 {

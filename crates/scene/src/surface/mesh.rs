@@ -4,9 +4,10 @@ use std::collections::HashMap;
 use std::sync::{Arc, OnceLock};
 
 use glam::{DVec3, Vec2, Vec3, Vec4};
+use pileus_math::Bounds3;
 
-use super::bodies::{Closure, Shells};
 use super::material::{Alpha, Material, Point};
+use super::shells::{Closure, Shells};
 use super::texture::Texture;
 use super::tree::Tree;
 
@@ -53,7 +54,7 @@ pub(crate) struct Mesh {
     /// Whether any part may have holes.
     has_holes: bool,
     pub(crate) tree: Tree,
-    pub(crate) bounds: (DVec3, DVec3),
+    pub(crate) bounds: Bounds3,
     /// Of each part the size of its bounds.
     sizes: Vec<DVec3>,
     closed: OnceLock<bool>,
@@ -86,18 +87,18 @@ impl Mesh {
         if triangles.is_empty() {
             return None;
         }
-        let boxes: Vec<(DVec3, DVec3)> = triangles
+        let boxes: Vec<Bounds3> = triangles
             .iter()
-            .map(|([a, b, c], _)| (a.min(*b).min(*c).as_dvec3(), a.max(*b).max(*c).as_dvec3()))
+            .map(|(corners, _)| Bounds3::of_points(corners.map(Vec3::as_dvec3)))
             .collect();
-        let bounds = boxes.iter().copied().reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))?;
-        let mut of_parts: Vec<Option<(DVec3, DVec3)>> = vec![None; parts.len()];
-        for ((_, tag), &(low, high)) in triangles.iter().zip(&boxes) {
+        let bounds = boxes.iter().copied().reduce(Bounds3::union)?;
+        let mut of_parts: Vec<Option<Bounds3>> = vec![None; parts.len()];
+        for ((_, tag), bounds) in triangles.iter().zip(&boxes) {
             if let Some(part) = of_parts.get_mut(tag.part as usize) {
-                *part = Some(part.map_or((low, high), |(l, h)| (l.min(low), h.max(high))));
+                *part = Some(part.map_or(*bounds, |part| part.union(*bounds)));
             }
         }
-        let size = |part: Option<(DVec3, DVec3)>| part.map_or(DVec3::ZERO, |(l, h)| h - l);
+        let size = |part: Option<Bounds3>| part.map_or(DVec3::ZERO, Bounds3::size);
         let sizes = of_parts.into_iter().map(size).collect();
         let tree = Tree::new(&boxes);
         let ordered: Vec<([Vec3; 3], Tag)> =

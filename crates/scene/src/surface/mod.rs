@@ -5,7 +5,6 @@
 //! find candidates in single precision with padded boxes; what decides is a watertight test in
 //! double precision.
 
-pub(crate) mod bodies;
 mod emitter;
 mod interaction;
 mod layers;
@@ -13,6 +12,7 @@ mod material;
 mod mesh;
 mod pane;
 mod parameters;
+pub(crate) mod shells;
 mod split;
 mod texture;
 mod tree;
@@ -20,7 +20,7 @@ pub mod triangle;
 
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 use pileus_math::Bounds3;
-use pileus_media::Named;
+use pileus_media::method::Named;
 use rand_core::Rng;
 
 pub use emitter::EmissiveTriangle;
@@ -44,7 +44,7 @@ use triangle::ShearedRay;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum GlassRule {
     /// What glTF says: such a surface is infinitely thin and bends nothing.
-    ByTheLetter,
+    Strict,
     /// Where a connected part of its mesh is closed (no edge is open, vertices at equal places
     /// taken for one) and holds a volume, that part bounds a body. Exporters leave the extension
     /// out where an artist made a glass ball (Blender's does).
@@ -53,20 +53,20 @@ pub enum GlassRule {
 }
 
 impl Named for GlassRule {
-    const ALL: &'static [GlassRule] = &[GlassRule::ByTheLetter, GlassRule::ClosedMeshesAreSolid];
+    const ALL: &'static [GlassRule] = &[GlassRule::Strict, GlassRule::ClosedMeshesAreSolid];
     const TITLE: &'static str = "Glass";
     const QUESTION: &'static str = "What a transmissive surface without `KHR_materials_volume` is";
 
     fn name(self) -> &'static str {
         match self {
-            GlassRule::ByTheLetter => "by_the_letter",
+            GlassRule::Strict => "by_the_letter",
             GlassRule::ClosedMeshesAreSolid => "closed_meshes_are_solid",
         }
     }
 
     fn about(self) -> &'static str {
         match self {
-            GlassRule::ByTheLetter => "An infinitely thin wall that bends nothing, as glTF says.",
+            GlassRule::Strict => "An infinitely thin wall that bends nothing, as glTF says.",
             GlassRule::ClosedMeshesAreSolid => {
                 "A body that bends light if its mesh is closed, as modelling programs mean it; \
                  else a thin wall."
@@ -85,9 +85,9 @@ pub struct Surfaces {
     emitters: Vec<EmissiveTriangle>,
     /// Of each mesh the place of each triangle among its emissive ones; empty if there are none.
     ranks: Vec<Vec<u32>>,
-    bounds: (DVec3, DVec3),
+    bounds: Bounds3,
     /// The bounds, padded by more than rounding can move a ray against them.
-    padded: (DVec3, DVec3),
+    padded: Bounds3,
     /// Whether light may go straight through some surface.
     has_panes: bool,
 }
@@ -104,7 +104,7 @@ struct Instance {
     mirrored: bool,
     rounding: Rounding,
     misfit: Misfit,
-    bounds: (DVec3, DVec3),
+    bounds: Bounds3,
     /// Number of the first of its emissive triangles.
     first_emitter: u32,
 }
@@ -118,15 +118,15 @@ pub struct SurfaceCounts {
     pub instances: usize,
     /// Triangles of all meshes, each counted once.
     pub triangles: usize,
-    /// Triangles that give off light, counted per instance.
+    /// Triangles that emit light, counted per instance.
     pub emitters: usize,
     /// Bytes of triangles and trees.
     pub bytes: usize,
 }
 
 /// Rank of a triangle that emits nothing.
-const DARK: u32 = u32::MAX;
-/// Most triangles that may give off light.
+const NO_EMITTER: u32 = u32::MAX;
+/// Most triangles that may emit light.
 const MAX_EMITTERS: usize = 1 << 24;
 /// Largest coordinate in the world that leaves room for products of three.
 const FARTHEST: f64 = 1e60;
@@ -160,7 +160,7 @@ impl Surfaces {
                 continue;
             }
             let bounds = placed_bounds(&to_world, mesh.bounds);
-            if !(bounds.0.abs().max(bounds.1.abs()).max_element() < FARTHEST) {
+            if !(bounds.low.abs().max(bounds.high.abs()).max_element() < FARTHEST) {
                 return Err(Refusal::TooFar(number));
             }
             instances.push(Instance {
@@ -177,8 +177,8 @@ impl Surfaces {
             });
         }
         layers::measure(&meshes, &mut instances);
-        let boxes: Vec<(DVec3, DVec3)> = instances.iter().map(|i| i.bounds).collect();
-        let Some(bounds) = boxes.iter().copied().reduce(|a, b| (a.0.min(b.0), a.1.max(b.1))) else {
+        let boxes: Vec<Bounds3> = instances.iter().map(|i| i.bounds).collect();
+        let Some(bounds) = boxes.iter().copied().reduce(Bounds3::union) else {
             return Ok((None, flat));
         };
         let tree = Tree::new(&boxes);
@@ -217,7 +217,7 @@ impl Surfaces {
             let mut ranks = Vec::new();
             let emits = mesh.parts.iter().any(|part| self.material(part).emits());
             if emits {
-                ranks = vec![DARK; mesh.len()];
+                ranks = vec![NO_EMITTER; mesh.len()];
                 for (triangle, rank) in ranks.iter_mut().enumerate() {
                     let number = mesh.part(triangle).material as usize;
                     let material = &self.materials[number];
@@ -299,7 +299,7 @@ impl Surfaces {
     #[inline(always)]
     pub fn may_be_met(&self, origin: DVec3, direction: Vec3, t_max: f64) -> bool {
         let inverse = direction.as_dvec3().recip();
-        let (a, b) = ((self.padded.0 - origin) * inverse, (self.padded.1 - origin) * inverse);
+        let (a, b) = ((self.padded.low - origin) * inverse, (self.padded.high - origin) * inverse);
         let (from, to) = (a.min(b), a.max(b));
         // One instruction each, unlike the methods of the same meaning.
         let larger = |a: f64, b: f64| if a > b { a } else { b };
@@ -513,12 +513,12 @@ impl Surfaces {
         }
     }
 
-    /// All triangles that give off light.
+    /// All triangles that emit light.
     pub fn emitters(&self) -> &[EmissiveTriangle] {
         &self.emitters
     }
 
-    /// Whether any triangle gives off light.
+    /// Whether any triangle emits light.
     pub fn emits(&self) -> bool {
         !self.emitters.is_empty()
     }
@@ -527,7 +527,7 @@ impl Surfaces {
     pub fn emitter_of(&self, hit: &Hit) -> Option<u32> {
         let instance = &self.instances[hit.instance as usize];
         let rank = *self.ranks[instance.mesh].get(hit.triangle as usize)?;
-        (rank != DARK).then(|| instance.first_emitter + rank)
+        (rank != NO_EMITTER).then(|| instance.first_emitter + rank)
     }
 
     /// Radiance that the point of an emitter with these barycentrics emits against a ray along
@@ -547,12 +547,12 @@ impl Surfaces {
 
     /// Lowest and highest corner of all surfaces in world space.
     pub fn bounds(&self) -> Bounds3 {
-        Bounds3::new(self.bounds.0, self.bounds.1)
+        self.bounds
     }
 
     /// Lowest and highest corner of each instance in world space.
     pub fn instance_bounds(&self) -> impl Iterator<Item = Bounds3> + '_ {
-        self.instances.iter().map(|instance| Bounds3::new(instance.bounds.0, instance.bounds.1))
+        self.instances.iter().map(|instance| instance.bounds)
     }
 
     /// Whether no edge of an instance's mesh is open: each belongs to an even number of triangles,
@@ -622,28 +622,21 @@ impl Instance {
 
 /// Bounds with room for the rounding of rays in double precision, and more than a tree of surfaces
 /// pads its boxes by.
-fn padded((low, high): (DVec3, DVec3)) -> (DVec3, DVec3) {
+fn padded(Bounds3 { low, high }: Bounds3) -> Bounds3 {
     let largest = low.abs().max(high.abs()).max_element();
     let padding = (high - low).max_element() * (1.0 / 65_536.0) + largest * 1e-12;
-    (low - padding, high + padding)
+    Bounds3::new(low - padding, high + padding)
 }
 
 /// Bounds of a box's eight corners in the world, rounding included.
-fn placed_bounds(to_world: &DAffine3, (low, high): (DVec3, DVec3)) -> (DVec3, DVec3) {
-    let corners = (0..8).map(|i| {
-        let pick = |axis: usize| if i >> axis & 1 == 0 { low[axis] } else { high[axis] };
-        to_world.transform_point3(DVec3::new(pick(0), pick(1), pick(2)))
-    });
-    let (mut lowest, mut highest) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-    for corner in corners {
-        lowest = lowest.min(corner);
-        highest = highest.max(corner);
-        if corner.is_nan() {
-            highest = DVec3::INFINITY;
-        }
+fn placed_bounds(to_world: &DAffine3, bounds: Bounds3) -> Bounds3 {
+    let corners = bounds.corners().map(|corner| to_world.transform_point3(corner));
+    let Bounds3 { low, mut high } = Bounds3::of_points(corners);
+    if corners.iter().any(|corner| corner.is_nan()) {
+        high = DVec3::INFINITY;
     }
-    let pad = lowest.abs().max(highest.abs()) * 1e-14;
-    (lowest - pad, highest + pad)
+    let pad = low.abs().max(high.abs()) * 1e-14;
+    Bounds3::new(low - pad, high + pad)
 }
 
 /// A uniform number in [0, 1) for whether a ray's blending triangle is there: a function of the

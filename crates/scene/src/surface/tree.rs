@@ -12,6 +12,7 @@ use obvhs::cwbvh::CwBvh;
 use obvhs::cwbvh::bvh2_to_cwbvh::bvh2_to_cwbvh;
 use obvhs::faststack::{FastStack, HeapStack, StackStack};
 use obvhs::ray::Ray;
+use pileus_math::Bounds3;
 
 use super::split;
 
@@ -50,17 +51,17 @@ pub(crate) struct Tree {
 }
 
 impl Tree {
-    /// A tree over boxes, each given by its lowest and highest corner, finite and below 1e150.
-    pub(crate) fn new(boxes: &[(DVec3, DVec3)]) -> Self {
-        let bounds = boxes.iter().copied().reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)));
-        let (low, high) = bounds.unwrap_or((DVec3::ZERO, DVec3::ZERO));
+    /// A tree over boxes that are finite and below 1e150.
+    pub(crate) fn new(boxes: &[Bounds3]) -> Self {
+        let bounds = boxes.iter().copied().reduce(Bounds3::union);
+        let Bounds3 { low, high } = bounds.unwrap_or(Bounds3::new(DVec3::ZERO, DVec3::ZERO));
         let centre = low + (high - low) * 0.5;
         let largest = (high - low).max_element() * 0.5;
         // A single point has no size to measure by; any will do that does not overflow.
         let scale = if largest > 1e-150 { 1.0 / largest } else { 1.0 };
         let padded: Vec<Aabb> = boxes
             .iter()
-            .map(|(low, high)| {
+            .map(|Bounds3 { low, high }| {
                 let corner =
                     |p: DVec3, pad: f64| Vec3A::from(((p - centre) * scale + pad).as_vec3());
                 Aabb { min: corner(*low, -PAD), max: corner(*high, PAD) }
@@ -207,7 +208,7 @@ mod tests {
     }
 
     /// Boxes that a ray meets, by the definition.
-    fn meets(ray: &DRay, (low, high): (DVec3, DVec3), t_max: f64) -> bool {
+    fn meets(ray: &DRay, Bounds3 { low, high }: Bounds3, t_max: f64) -> bool {
         let (a, b) = ((low - ray.origin) / ray.direction, (high - ray.origin) / ray.direction);
         let (near, far) = (a.min(b).max_element(), a.max(b).min_element());
         near.max(0.0) <= far.min(t_max)
@@ -218,10 +219,10 @@ mod tests {
     fn no_box_is_lost() {
         let mut rng = Pcg64Mcg::seed_from_u64(3);
         for (scale, centre) in [(1.0, 0.0), (1e-9, 1.0), (1e30, 0.0), (3.0, 1e6), (1e-40, 0.0)] {
-            let boxes: Vec<(DVec3, DVec3)> = (0..500)
+            let boxes: Vec<Bounds3> = (0..500)
                 .map(|_| {
                     let low = centre + point(&mut rng) * scale;
-                    (low, low + point(&mut rng) * (0.3 * scale))
+                    Bounds3::new(low, low + point(&mut rng) * (0.3 * scale))
                 })
                 .collect();
             let tree = Tree::new(&boxes);
@@ -250,7 +251,7 @@ mod tests {
     /// Rays along axes and in planes of boxes, flat boxes, one box, none.
     #[test]
     fn flat_and_empty_trees() {
-        let flat = [(DVec3::new(-1.0, 0.0, -1.0), DVec3::new(1.0, 0.0, 1.0))];
+        let flat = [Bounds3::new(DVec3::new(-1.0, 0.0, -1.0), DVec3::new(1.0, 0.0, 1.0))];
         let count = |tree: &Tree, origin, direction| {
             let mut n = 0;
             tree.walk(&DRay { origin, direction }, f64::INFINITY, |_, end| {
@@ -265,7 +266,7 @@ mod tests {
         assert_eq!(count(&tree, DVec3::new(0.3, 0.0, 5.0), DVec3::NEG_Z), 1);
         assert_eq!(count(&tree, DVec3::new(1.0, 1.0, 1.0), DVec3::NEG_Y), 1);
         assert_eq!(count(&Tree::new(&[]), DVec3::ZERO, DVec3::X), 0);
-        let point = Tree::new(&[(DVec3::ONE, DVec3::ONE)]);
+        let point = Tree::new(&[Bounds3::new(DVec3::ONE, DVec3::ONE)]);
         assert_eq!(count(&point, DVec3::new(1.0, 1.0, 9.0), DVec3::NEG_Z), 1);
     }
 
@@ -274,16 +275,16 @@ mod tests {
     #[test]
     fn hostile_sets_are_walked() {
         let n = 50_000;
-        let same = vec![(DVec3::ZERO, DVec3::ONE); n];
+        let same = vec![Bounds3::new(DVec3::ZERO, DVec3::ONE); n];
         let nested: Vec<_> = (0..n)
             .map(|i| {
                 let size = 0.5f64.powf(i as f64 * 0.01);
-                (DVec3::ZERO, DVec3::splat(size))
+                Bounds3::new(DVec3::ZERO, DVec3::splat(size))
             })
             .collect();
         let centred: Vec<_> = (1..n)
-            .map(|i| (DVec3::splat(-(i as f64)), DVec3::splat(i as f64)))
-            .chain([(DVec3::ZERO, DVec3::ZERO)])
+            .map(|i| Bounds3::new(DVec3::splat(-(i as f64)), DVec3::splat(i as f64)))
+            .chain([Bounds3::new(DVec3::ZERO, DVec3::ZERO)])
             .collect();
         for boxes in [same, nested, centred] {
             let tree = Tree::new(&boxes);

@@ -5,15 +5,15 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use glam::DAffine3;
-use pileus_media::{
-    BlackbodyRadiance, ColorRamp, EmissionField, EmissionSource, HOTTEST_KELVIN, Interpolation,
-    Medium, VoxelGrid,
+use pileus_media::emission::{
+    BlackbodyRadiance, ColorRamp, EmissionField, EmissionSource, HOTTEST_KELVIN,
 };
+use pileus_media::{Interpolation, Medium, VoxelGrid};
 use pileus_vdb::{GridClass, GridInfo, ValueType, VdbFile};
 
-use super::VolumeLoader;
 use super::color::channels;
 use super::grids::grid_info;
+use super::loader::VolumeLoader;
 use super::placement::affine;
 use crate::error::{Error, Place};
 use crate::spec::volume_spec::{EmissionSpec, RampNodeSpec, Rgb, TemperatureSpec};
@@ -51,7 +51,7 @@ impl VolumeLoader {
                     _ => BlackbodyRadiance::Absolute,
                 };
                 let intensity = intensity.unwrap_or(1.0);
-                let source = self.glow(parts, temperature, intensity, radiance)?;
+                let source = self.blackbody(parts, temperature, intensity, radiance)?;
                 (source, parts.medium_to_world)
             }
         };
@@ -126,7 +126,8 @@ impl VolumeLoader {
         Ok((source, to_world))
     }
 
-    fn glow(
+    /// A black body's light, where there is both density and heat.
+    fn blackbody(
         &mut self,
         parts: &EmissionParts<'_>,
         temperature: &TemperatureSpec,
@@ -218,7 +219,7 @@ fn warn_of_heat(path: &Path, name: &str, grid: &Arc<VoxelGrid>, scale: f64, offs
         );
     } else if hottest < 500.0 {
         tracing::warn!(
-            "{path}: grid `{name}` reaches {hottest:.1} K only and gives off no light; \
+            "{path}: grid `{name}` reaches {hottest:.1} K only and emits no light; \
              `temperature`: {{\"scale\": ...}} turns its values into kelvin"
         );
     }

@@ -7,10 +7,10 @@ use pileus_math::Bounds3;
 use pileus_media::Medium;
 
 use super::color::constant_albedo;
-use super::law::law;
 use super::phase;
 use super::placement::move_box;
 use super::request::{Volume, VolumeRequest, VolumeSource, name};
+use super::transmittance_function::transmittance_function;
 use crate::error::Error;
 use crate::spec::volume_spec::{AlbedoSpec, DEFAULT_ALBEDO, HomogeneousSpec, Rgb};
 
@@ -47,7 +47,7 @@ pub(super) fn load_homogeneous(
         None => constant_albedo(Rgb::Grey(DEFAULT_ALBEDO), place)?,
     };
     let phase = phase::phase(spec.phase.as_ref(), placement, place, None)?;
-    let law = law(spec, place)?;
+    let function = transmittance_function(spec, place)?;
     let bounds = homogeneous.bounds.map(|bounds| bounds.map(DVec3::from_array));
     let bounds = match bounds {
         None => None,
@@ -64,7 +64,7 @@ pub(super) fn load_homogeneous(
     let sigma_t = extinction.map(|e| (e * homogeneous.sigma_t) as f32);
     let medium = Medium::homogeneous(sigma_t, bounds, albedo, phase)
         .map_err(|source| Error::medium(place("/homogeneous"), source))?
-        .with_transmittance_function(law);
+        .with_transmittance_function(function);
     Ok(Volume {
         name: name(request),
         medium: Arc::new(medium),

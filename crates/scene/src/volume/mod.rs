@@ -2,17 +2,17 @@
 
 mod color;
 mod emission;
-mod flakes;
 mod grids;
 mod homogeneous;
-mod law;
+mod loader;
+mod microflakes;
 mod phase;
 mod phase_grids;
 mod placement;
 mod request;
 mod scale;
+mod transmittance_function;
 
-use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
@@ -20,10 +20,11 @@ use std::time::Instant;
 use glam::{DAffine3, DVec3};
 use pileus_math::Bounds3;
 use pileus_media::phase::CosineGrid;
-use pileus_media::{Albedo, ColorGrid, Interpolation, Medium, Phase, VoxelGrid, VoxelGridOptions};
-use pileus_vdb::{GridClass, GridInfo, Tree, ValueType, Values, VdbFile};
+use pileus_media::{Albedo, ColorGrid, Interpolation, Medium, Phase, VoxelGrid};
+use pileus_vdb::{GridClass, GridInfo, ValueType, Values, VdbFile};
 
 pub use grids::{NAME_THE_GRID, default_density_grid};
+pub use loader::VolumeLoader;
 pub use placement::affine;
 pub use request::{Volume, VolumeRequest, VolumeSource};
 pub use scale::{CLOUD_OPTICAL_DEPTH, DefaultScale, automatic_scale};
@@ -32,11 +33,11 @@ use color::{channels, constant_albedo};
 use emission::EmissionParts;
 use grids::{box_by_metadata, density_grid, grid_info, warn_of_clamped};
 use homogeneous::load_homogeneous;
-use law::law;
 use phase_grids::PhaseGrids;
 use placement::{between, placement};
 use request::name;
 use scale::median_depth;
+use transmittance_function::transmittance_function;
 
 use crate::error::{Error, Place};
 use crate::spec::Hint;
@@ -46,27 +47,6 @@ use crate::spec::volume_spec::{
     AlbedoSpec, DEFAULT_ALBEDO, DensitySpec, EmissionSpec, RampNodeSpec, Rgb,
 };
 use crate::uri::with_frame;
-
-/// What a render grid is made of: file, grid, channel of a vector grid, and whether values are
-/// those of the nearest voxel.
-type GridKey = (PathBuf, usize, Option<usize>, bool);
-
-/// Loads volumes; remembers files and grids, so that volumes made of the same grid share it.
-#[derive(Default)]
-pub struct VolumeLoader {
-    files: HashMap<PathBuf, Arc<VdbFile>>,
-    grids: HashMap<GridKey, Arc<VoxelGrid>>,
-    /// Albedos by file, grid, and grid of the density.
-    albedos: HashMap<(PathBuf, usize, String), Arc<ColorGrid>>,
-    /// What was chosen without being asked for, as sentences for people.
-    pub notes: Vec<String>,
-    /// Which of these choices can be made otherwise.
-    pub hints: Vec<Hint>,
-    /// Seconds spent in reading files so far.
-    pub seconds_load: f64,
-    /// Seconds spent in building render grids so far.
-    pub seconds_build: f64,
-}
 
 impl VolumeLoader {
     /// Loads one volume.
@@ -138,7 +118,7 @@ impl VolumeLoader {
             _ => self.albedo(request, &file, &path, info),
         }?;
         let phase = self.phase(request, &file, &path, info, &placement)?;
-        let law = law(spec, place)?;
+        let function = transmittance_function(spec, place)?;
         let scale = match density.scale {
             Some(scale) => scale,
             None => match request.default_scale {
@@ -161,7 +141,7 @@ impl VolumeLoader {
         let sigma_t = extinction.map(|e| (e * scale) as f32);
         let medium = Medium::from_grid(grid.clone(), index_to_world, sigma_t, albedo, phase)
             .map_err(|source| Error::medium(place(""), source))?
-            .with_transmittance_function(law);
+            .with_transmittance_function(function);
         let emission = match spec.emission.as_ref().or(fire.as_ref()) {
             None => None,
             Some(emission) => {
@@ -192,13 +172,6 @@ impl VolumeLoader {
                 build,
             },
         })
-    }
-
-    /// Adds a note once, however many volumes are made alike.
-    fn note(&mut self, note: String) {
-        if !self.notes.contains(&note) {
-            self.notes.push(note);
-        }
     }
 
     /// Says which of several grids of one name was taken.
@@ -317,107 +290,6 @@ impl VolumeLoader {
             scale: Some(scale),
             ramp: Some(ramp.into()),
         }))
-    }
-
-    /// The OpenVDB files that were read so far, in no order.
-    pub fn files(&self) -> impl Iterator<Item = &Path> {
-        self.files.keys().map(PathBuf::as_path)
-    }
-
-    fn open(&mut self, path: &Path, place: &dyn Fn() -> Place) -> Result<Arc<VdbFile>, Error> {
-        if let Some(file) = self.files.get(path) {
-            return Ok(file.clone());
-        }
-        let start = Instant::now();
-        let file = VdbFile::open(path).map_err(|source| Error::vdb(place(), source))?;
-        let file = Arc::new(file);
-        self.files.insert(path.to_owned(), file.clone());
-        self.seconds_load += start.elapsed().as_secs_f64();
-        Ok(file)
-    }
-
-    pub(crate) fn grid(
-        &mut self,
-        file: &VdbFile,
-        path: &Path,
-        index: usize,
-        interpolation: Interpolation,
-        place: &dyn Fn() -> Place,
-    ) -> Result<Arc<VoxelGrid>, Error> {
-        let key = (path.to_owned(), index, None, interpolation == Interpolation::Nearest);
-        if let Some(grid) = self.grids.get(&key) {
-            return Ok(grid.clone());
-        }
-        let start = Instant::now();
-        let tree = file
-            .read(index)
-            .and_then(pileus_vdb::Grid::to_float)
-            .map_err(|source| Error::vdb(place(), source))?;
-        self.seconds_load += start.elapsed().as_secs_f64();
-        self.render_grid(key, &tree, interpolation, place)
-    }
-
-    /// The channels of a vector grid.
-    pub(crate) fn channels(
-        &mut self,
-        file: &VdbFile,
-        path: &Path,
-        index: usize,
-        interpolation: Interpolation,
-        place: &dyn Fn() -> Place,
-    ) -> Result<[Arc<VoxelGrid>; 3], Error> {
-        let keys = [0, 1, 2].map(|channel| {
-            (path.to_owned(), index, Some(channel), interpolation == Interpolation::Nearest)
-        });
-        if let [Some(r), Some(g), Some(b)] = [0, 1, 2].map(|i| self.grids.get(&keys[i])) {
-            return Ok([r.clone(), g.clone(), b.clone()]);
-        }
-        let start = Instant::now();
-        let grid = file.read(index).map_err(|source| Error::vdb(place(), source))?;
-        let channel = |i: usize| match &grid.values {
-            Values::Vec3f(tree) => Some(tree.clone().map(|v| v[i])),
-            Values::Vec3d(tree) => Some(tree.clone().map(|v| v[i] as f32)),
-            Values::Vec3i(tree) => Some(tree.clone().map(|v| v[i] as f32)),
-            _ => None,
-        };
-        let [Some(r), Some(g), Some(b)] = [channel(0), channel(1), channel(2)] else {
-            return Err(Error::invalid(
-                place(),
-                format!("{}: the grid holds numbers, not vectors", path.display()),
-                "write the file again",
-            ));
-        };
-        self.seconds_load += start.elapsed().as_secs_f64();
-        let [at_r, at_g, at_b] = keys;
-        Ok([
-            self.render_grid(at_r, &r, interpolation, place)?,
-            self.render_grid(at_g, &g, interpolation, place)?,
-            self.render_grid(at_b, &b, interpolation, place)?,
-        ])
-    }
-
-    fn render_grid(
-        &mut self,
-        key: GridKey,
-        tree: &Tree<f32>,
-        interpolation: Interpolation,
-        place: &dyn Fn() -> Place,
-    ) -> Result<Arc<VoxelGrid>, Error> {
-        let start = Instant::now();
-        let grid = VoxelGrid::from_tree(tree, &VoxelGridOptions { interpolation })
-            .map_err(|source| Error::medium(place(), source))?;
-        self.seconds_build += start.elapsed().as_secs_f64();
-        let report = grid.report();
-        for (count, what) in
-            [(report.replaced_non_finite, "not finite"), (report.replaced_negative, "negative")]
-        {
-            if count > 0 {
-                tracing::warn!("{}: {count} values are {what} and count as 0", key.0.display());
-            }
-        }
-        let grid = Arc::new(grid);
-        self.grids.insert(key, grid.clone());
-        Ok(grid)
     }
 
     fn albedo(

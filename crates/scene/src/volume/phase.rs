@@ -5,13 +5,13 @@ use std::sync::Arc;
 
 use glam::DAffine3;
 use pileus_media::Phase;
-use pileus_media::flakes::{FlakeScattering, Flakes};
+use pileus_media::microflakes::{MicroflakeScattering, Microflakes};
 use pileus_media::phase::{Draine, Lobe, MAX_G, MieFit, Mixture, Tabulated};
 
-use super::flakes::{self, FlakeGrids};
+use super::microflakes::{self, MicroflakeGrids};
 use crate::error::{Error, Place};
 use crate::file;
-use crate::spec::flake_spec::FlakeScatteringSpec;
+use crate::spec::microflake_spec::MicroflakeScatteringSpec;
 use crate::spec::option::written;
 use crate::spec::phase_spec::{CosineSpec, LobeSpec, PhaseSpec};
 
@@ -24,17 +24,17 @@ pub(crate) fn phase(
     spec: Option<&PhaseSpec>,
     placement: &DAffine3,
     place: &dyn Fn(&str) -> Place,
-    grids: Option<&mut dyn FlakeGrids>,
+    grids: Option<&mut dyn MicroflakeGrids>,
 ) -> Result<Phase, Error> {
     match spec {
         None => Ok(Phase::Isotropic),
         Some(PhaseSpec::Sggx { flakes, distribution }) => {
-            let shape = flakes::shape(distribution, place, grids)?;
+            let shape = microflakes::shape(distribution, place, grids)?;
             let scattering = match flakes.unwrap_or_default() {
-                FlakeScatteringSpec::Specular => FlakeScattering::Specular,
-                FlakeScatteringSpec::Diffuse => FlakeScattering::Diffuse,
+                MicroflakeScatteringSpec::Specular => MicroflakeScattering::Specular,
+                MicroflakeScatteringSpec::Diffuse => MicroflakeScattering::Diffuse,
             };
-            Ok(Phase::Flakes(Arc::new(Flakes::new(shape, scattering, placement.matrix3))))
+            Ok(Phase::Microflakes(Arc::new(Microflakes::new(shape, scattering, placement.matrix3))))
         }
         Some(spec) => mixture(spec, place, "/phase").map(Phase::mixture),
     }
@@ -97,7 +97,7 @@ fn mixture(
             .map_err(|source| Error::medium(at("/droplet_diameter"), source)),
         PhaseSpec::Sggx { .. } => Err(Error::unsupported(
             at("/type"),
-            "flakes cannot be a lobe of a mixture: they have an extinction of their own",
+            "microflakes cannot be a lobe of a mixture: they have an extinction of their own",
             "write two volumes: media may overlap",
         )),
         PhaseSpec::Tabulated { file } => {

@@ -1,4 +1,4 @@
-//! Reading the grids that a phase function of flakes names.
+//! Reading the grids that a phase function of microflakes names.
 
 use std::path::Path;
 use std::time::Instant;
@@ -7,8 +7,8 @@ use glam::DAffine3;
 use pileus_media::Clamped;
 use pileus_vdb::{GridInfo, Tree, Values, VdbFile};
 
-use super::flakes::{self, FlakeGrids};
 use super::grids::{describe, grid_info, warn_of_clamped};
+use super::microflakes::{self, MicroflakeGrids};
 use super::placement::between;
 use crate::error::{Error, Place};
 
@@ -28,7 +28,7 @@ impl PhaseGrids<'_> {
         name: &str,
         key: &str,
     ) -> Result<(pileus_vdb::Grid, DAffine3, Place), Error> {
-        let at = || (self.place)(&format!("{}/{key}", flakes::POINTER));
+        let at = || (self.place)(&format!("{}/{key}", microflakes::POINTER));
         let vdb_error = |source| Error::vdb(at(), source);
         let index = self.file.find(name).map_err(vdb_error)?;
         let info = grid_info(self.file, index, self.path)?;
@@ -40,7 +40,7 @@ impl PhaseGrids<'_> {
     }
 }
 
-impl FlakeGrids for PhaseGrids<'_> {
+impl MicroflakeGrids for PhaseGrids<'_> {
     fn vectors(&mut self, name: &str, key: &str) -> Result<(Tree<[f32; 3]>, DAffine3), Error> {
         let (grid, map, place) = self.read(name, key)?;
         let info = grid.info.clone();

@@ -4,7 +4,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use glam::DAffine3;
-use pileus_media::{BuildReport, EmissionField, Medium};
+use pileus_media::emission::EmissionField;
+use pileus_media::{BuildReport, Medium};
 
 use super::scale::DefaultScale;
 use crate::error::Place;
@@ -17,7 +18,7 @@ pub struct Volume {
     pub name: String,
     /// The medium, in world space.
     pub medium: Arc<Medium>,
-    /// The light that it gives off, in world space.
+    /// The light that it emits, in world space.
     pub emission: Option<Arc<EmissionField>>,
     /// Where its values came from.
     pub source: VolumeSource,

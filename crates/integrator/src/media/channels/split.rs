@@ -171,7 +171,7 @@ impl ChannelMode for Split {
             } else {
                 tally.null_collisions += 1;
                 // Other media's collisions may have ended all channels that this one concerns: an
-                // endless one would go on for ever.
+                // endless one would go on forever.
                 if !C::ONE_MEDIUM
                     && (collisions.ratio() * under_way).max_element() <= 0.0
                     && !collisions.leave_medium()

@@ -6,7 +6,7 @@
 
 use glam::DVec3;
 use libm::pow;
-use pileus_media::{rgb_of_xyz, xyz_of_spectrum};
+use pileus_media::emission::{rgb_of_xyz, xyz_of_spectrum};
 
 /// Illuminance by the sun above the atmosphere at mean distance, lux (Darula, Kittler and Gueymard,
 /// "Reference luminous solar constant and solar luminance for illuminance calculations", 2005).
@@ -118,7 +118,7 @@ const WATER: [(f64, f64); 13] = [
 #[cfg(test)]
 mod tests {
     use super::*;
-    use pileus_media::{BlackbodyRadiance, blackbody};
+    use pileus_media::emission::{BlackbodyRadiance, blackbody};
 
     /// Kasten's table (1966): 1 overhead, 2 at 30 degrees, 5.6 at 10, 10.4 at 5, some 36 at 0.
     #[test]
