@@ -588,10 +588,18 @@ fn the_plan_says_what_it_does_and_refuses_what_assumes_the_exponential() {
             let asked = by_name(None, Some(estimator), settings(1, 1));
             let holds = matches!(estimator, Estimator::Regular | Estimator::DebiasedRayMarching)
                 || law.is_mixture_of_exponentials() && estimator.is_unbiased();
-            assert_eq!(Plan::new(&scene, &asked).is_ok(), holds, "{law} {estimator:?}");
+            let plan = Plan::new(&scene, &asked);
+            assert_eq!(plan.is_ok(), holds, "{law} {estimator:?}");
+            if let Err(error) = plan {
+                assert_eq!(error.parameter(), Some(Parameter::Transmittance), "{error}");
+                assert!(error.to_string().contains("exponential"), "{error}");
+            }
         }
         let points = by_name(Some(DistanceSampler::Equiangular), None, settings(1, 1));
-        assert!(Plan::new(&scene, &points).is_err());
+        let error = Plan::new(&scene, &points).unwrap_err();
+        assert_eq!(error.parameter(), Some(Parameter::Distance), "{error}");
+        let says = format!("volume `volume 0` follows another ({law})");
+        assert!(error.to_string().contains(&says), "{error}");
     }
 }
 

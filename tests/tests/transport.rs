@@ -4,7 +4,7 @@
 use glam::{DVec3, Vec3};
 use pileus_film::Film;
 use pileus_integrator::{
-    LightSampling, Plan, RenderSettings, Renderer, ShadowRoulette, Unmonitored,
+    LightSampling, Parameter, Plan, RenderSettings, Renderer, ShadowRoulette, Unmonitored,
 };
 use pileus_media::Bounds3;
 use pileus_media::distance::DistanceSampler;
@@ -579,17 +579,48 @@ fn equiangular_points_serve_lights_in_thin_media() {
     )
     .unwrap();
     assert_eq!(plan.distance, DistanceSampler::Delta);
-    for (distance, majorant_scale, estimator) in [
-        (Some(DistanceSampler::Analytic), 1.0, Estimator::Ratio),
-        (Some(DistanceSampler::Delta), 0.5, Estimator::Ratio),
-        (None, 0.5, Estimator::Delta),
-        (None, 0.0, Estimator::Ratio),
-        (None, f32::NAN, Estimator::Ratio),
+    for (distance, majorant_scale, estimator, parameter, says) in [
+        (
+            Some(DistanceSampler::Analytic),
+            1.0,
+            Estimator::Ratio,
+            Parameter::Distance,
+            "distance is analytic: volume `volume 0` is a grid",
+        ),
+        (
+            Some(DistanceSampler::Delta),
+            0.5,
+            Estimator::Ratio,
+            Parameter::Distance,
+            "distance is delta: it needs bounds that hold, but majorant_scale is 0.5",
+        ),
+        (
+            None,
+            0.5,
+            Estimator::Delta,
+            Parameter::Transmittance,
+            "transmittance is delta: it needs bounds that hold, but majorant_scale is 0.5",
+        ),
+        (
+            None,
+            0.0,
+            Estimator::Ratio,
+            Parameter::MajorantScale,
+            "majorant_scale is 0: volume `volume 0`",
+        ),
+        (
+            None,
+            f32::NAN,
+            Estimator::Ratio,
+            Parameter::MajorantScale,
+            "majorant_scale is NaN: volume `volume 0`",
+        ),
     ] {
         let transmittance = Some(estimator);
         let settings = RenderSettings { distance, majorant_scale, transmittance, ..settings(1, 1) };
-        let error = Plan::new(&scene, &settings).unwrap_err().to_string();
-        assert!(!error.is_empty());
+        let error = Plan::new(&scene, &settings).unwrap_err();
+        assert_eq!(error.parameter(), Some(parameter), "{error}");
+        assert!(error.to_string().starts_with(says) && !error.remedies().is_empty(), "{error}");
     }
 }
 
