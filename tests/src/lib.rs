@@ -203,14 +203,87 @@ pub fn cube_span(o: DVec3, d: DVec3, half: f64) -> Option<(f64, f64)> {
 /// Tests that two renders have the same expectation.
 ///
 /// Null hypothesis: they do. Blocks of 16 x 16 pixels make a normal mean; Bonferroni over blocks,
-/// channels and statistics. Fails by chance with probability below 1e-9 if the normal law holds.
-pub fn assert_same(what: &str, a: &Rendered, b: &Rendered) {
-    let test = pileus_lab::block_z_test(&a.image, &a.variance, &b.image, &b.variance, 16);
-    let test = test.expect("images of one size");
+/// channels and statistics: fails by chance with probability below 1e-9 if the normal law holds.
+/// The differences of whole channels are tested beside them, with 1e-9 in all.
+///
+/// `power` is the standard error that the difference of the whole images may have, relative to
+/// their mean: root of the sum of all pixels' variances of both, over half the sum of both, in the
+/// channel where this is largest; zero where neither has noise. Beyond it the test says too little
+/// and fails. Channels below a thousandth of the brightest count as black here. A channel whose
+/// mean is off by 9 `power` is seen with a probability of 99 % (6.3 standard errors are the limit,
+/// 2.4 more make it sure); a fault in few blocks alone is, where it is 9.3 standard errors of one.
+#[track_caller]
+pub fn assert_same(what: &str, a: &Rendered, b: &Rendered, power: f64) {
+    let (a, b) = ([&a.image, &a.variance], [&b.image, &b.variance]);
+    assert_equal_means(what, a, b, &[a[1], b[1]], 0.0, power);
+}
+
+/// Tests that a render has a known expectation per pixel, in the manner of [`assert_same`]: `power`
+/// is the standard error of the render's mean, relative to the expectation's.
+#[track_caller]
+pub fn assert_expected(
+    what: &str,
+    a: &Rendered,
+    power: f64,
+    expected: impl Fn(u32, u32) -> [f64; 3],
+) {
+    // Where nothing is random single precision is what differs, by as much in each pixel.
+    const ROUNDING: f64 = 4e-7;
+    let [width, height] = [a.image.width(), a.image.height()];
+    let mut image = Image::new(width, height, &["R", "G", "B"]).expect("an image");
+    let mut rounding = Image::new(width, height, &["R", "G", "B"]).expect("an image");
+    for y in 0..height {
+        for x in 0..width {
+            for (name, value) in ["R", "G", "B"].into_iter().zip(expected(x, y)) {
+                assert!(image.set(name, x, y, value as f32));
+                assert!(rounding.set(name, x, y, (ROUNDING * value).powi(2) as f32));
+            }
+        }
+    }
+    let (a, b) = ([&a.image, &a.variance], [&image, &rounding]);
+    assert_equal_means(what, a, b, &a[1..], ROUNDING, power);
+}
+
+/// Both tests of [`assert_same`] on means and their variances. Whole channels may differ by
+/// `tolerance` relative to their mean beside what is `noise`, the variances of what is random.
+#[track_caller]
+fn assert_equal_means(
+    what: &str,
+    a: [&Image; 2],
+    b: [&Image; 2],
+    noise: &[&Image],
+    tolerance: f64,
+    power: f64,
+) {
+    let test = pileus_lab::block_z_test(a[0], a[1], b[0], b[1], 16).expect("images of one size");
+    let sum = |image: &Image, name: &str| -> f64 {
+        image.channel(name).expect("a channel").iter().map(|v| f64::from(*v)).sum()
+    };
+    let channels = ["R", "G", "B"].map(|name| {
+        let [a, b] = [sum(a[0], name), sum(b[0], name)];
+        let deviation = noise.iter().map(|&image| sum(image, name)).sum::<f64>().sqrt();
+        (a - b, 0.5 * (a + b).abs(), deviation)
+    });
+    let brightest = channels.iter().fold(0.0f64, |most, (_, mean, _)| most.max(*mean));
+    let (mut error, mut whole) = (0.0f64, 0.0f64);
+    for (difference, mean, deviation) in channels {
+        // What has no noise may not differ at all.
+        let beyond = (difference.abs() - tolerance * mean).max(0.0);
+        if beyond > 0.0 {
+            whole = whole.max(beyond / deviation);
+        }
+        if mean > 1e-3 * brightest {
+            error = error.max(deviation / mean);
+        }
+    }
     println!(
-        "{what}: p {:.3}, max |z| {:.2}, chi2 {:?} of {:?}",
+        "{what}: p {:.3}, max |z| {:.2}, chi2 {:?} of {:?}; whole: |z| {whole:.2}, standard error {error:.1e}",
         test.p_value, test.max_abs_z, test.chi2, test.dof
     );
+    for (i, z) in test.z.iter().enumerate().filter(|(_, z)| !(z.abs() < 4.5)) {
+        println!("  block {i} of {:?}: z {z:.2}", test.blocks);
+    }
+    assert_eq!(test.skipped_pixels, 0, "{what}: pixels that are not finite");
     assert!(
         test.p_value > 1e-9,
         "{what}: p {:e}, max |z| {:.2}, chi2 {:?} of {:?}",
@@ -219,35 +292,9 @@ pub fn assert_same(what: &str, a: &Rendered, b: &Rendered) {
         test.chi2,
         test.dof
     );
-}
-
-/// Tests that a render has a known expectation per pixel, in the manner of [`assert_same`].
-pub fn assert_expected(what: &str, a: &Rendered, expected: impl Fn(u32, u32) -> [f64; 3]) {
-    let [width, height] = [a.image.width(), a.image.height()];
-    let mut image = Image::new(width, height, &["R", "G", "B"]).expect("an image");
-    let mut rounding = Image::new(width, height, &["R", "G", "B"]).expect("an image");
-    for y in 0..height {
-        for x in 0..width {
-            for (name, value) in ["R", "G", "B"].into_iter().zip(expected(x, y)) {
-                assert!(image.set(name, x, y, value as f32));
-                // Where nothing is random single precision is what differs.
-                assert!(rounding.set(name, x, y, (4e-7 * value).powi(2) as f32));
-            }
-        }
-    }
-    let test = pileus_lab::block_z_test(&a.image, &a.variance, &image, &rounding, 16);
-    let test = test.expect("images of one size");
-    println!("{what}: p {:.3}, max |z| {:.2}", test.p_value, test.max_abs_z);
-    for (i, z) in test.z.iter().enumerate().filter(|(_, z)| !(z.abs() < 4.5)) {
-        println!("  block {i} of {:?}: z {z:.2}", test.blocks);
-    }
-    assert!(
-        test.p_value > 1e-9,
-        "{what}: p {:e}, max |z| {:.2}, chi2 {:?}",
-        test.p_value,
-        test.max_abs_z,
-        test.chi2
-    );
+    // Two sides, three channels: 9e-10.
+    assert!(whole < 6.3, "{what}: a whole channel is {whole:.2} standard errors off");
+    assert!(error <= power, "{what}: standard error {error:e}, the test is too weak");
 }
 
 /// Tests that a render is one everywhere but for a systematic error of at most `tolerance`.

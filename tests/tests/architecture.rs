@@ -90,6 +90,28 @@ fn dependencies_point_one_way() {
     }
 }
 
+/// The other VDB reader is what tests compare with: no crate turns it on, and without being asked
+/// for it is no part of what is built.
+#[test]
+fn the_program_has_one_vdb_reader() {
+    let metadata = MetadataCommand::new()
+        .manifest_path(pileus_tests::root().join("Cargo.toml"))
+        .no_deps()
+        .exec()
+        .expect("cargo metadata");
+    for package in metadata.workspace_packages() {
+        let name = package.name.as_str();
+        let features = package.features.get("default").into_iter().flatten();
+        let turned_on = package.dependencies.iter().flat_map(|d| &d.features).chain(features);
+        assert!(turned_on.into_iter().all(|feature| !feature.contains("vdb-rs")), "{name}");
+        for dependency in package.dependencies.iter().filter(|d| d.name == "vdb-rs") {
+            let tests_alone = dependency.kind == DependencyKind::Development;
+            let for_those_who_ask = dependency.optional && name == "pileus-vdb";
+            assert!(tests_alone || for_those_who_ask, "{name} must not use vdb-rs");
+        }
+    }
+}
+
 /// What stands at the top of the repository, besides hidden files.
 const TOP: [&str; 10] = [
     "Cargo.lock",

@@ -88,7 +88,7 @@ fn channels_that_part_equal_grey_renders_of_each() {
                     to.channel_mut(other).expect("a channel").copy_from_slice(from);
                 }
             }
-            assert_same(&format!("{what}, {name}"), &all, &grey);
+            assert_same(&format!("{what}, {name}"), &all, &grey, 2.5e-3);
         }
     }
 }
@@ -129,7 +129,7 @@ fn parted_channels_are_weighted_against_shadow_rays() {
         assert_eq!((axes(&plan), plan.mis), ((Events::OneGrid, Channels::Split), light != "point"));
         let split = rendered(&scene, &settings);
         let spectral = rendered(&scene, &by(DistanceSampler::Spectral, 64, 40));
-        assert_same(light, &split, &spectral);
+        assert_same(light, &split, &spectral, 4.4e-3);
         for name in NAMES {
             let gain = mean_variance(&spectral, name) / mean_variance(&split, name);
             println!("{light}, {name}: variance of spectral over that of split {gain:.2}");
@@ -230,7 +230,7 @@ fn channels_decouple_over_lists_under_transmittance_functions_and_beside_surface
     assert_eq!((axes(&plan), plan.mis), ((Events::MergedList, Channels::Split), true));
     let split = rendered(&scene, &settings(96, 31));
     let spectral = rendered(&scene, &by(DistanceSampler::Spectral, 96, 32));
-    assert_same("transmittance functions and a floor", &split, &spectral);
+    assert_same("transmittance functions and a floor", &split, &spectral, 1.7e-3);
 }
 
 /// A medium between two heights, of one extinction per channel.
@@ -252,7 +252,7 @@ fn weights_hold_behind_a_medium_in_which_a_channel_ended() {
     let once = |settings: RenderSettings| RenderSettings { max_bounces: Some(1), ..settings };
     let split = rendered(&scene, &once(settings(64, 41)));
     let spectral = rendered(&scene, &once(by(DistanceSampler::Spectral, 64, 42)));
-    assert_same("three in a row", &split, &spectral);
+    assert_same("three in a row", &split, &spectral, 8e-3);
 }
 
 /// A fog without end that is clear for green and blue, around a box in which red ends: the walk
@@ -265,5 +265,5 @@ fn flights_end_in_fogs_that_are_clear_for_the_channels_left() {
     scene.environment.constant = Vec3::ONE;
     let split = rendered(&scene, &settings(16, 43));
     let spectral = rendered(&scene, &by(DistanceSampler::Spectral, 16, 44));
-    assert_same("a fog of one channel", &split, &spectral);
+    assert_same("a fog of one channel", &split, &spectral, 5e-3);
 }

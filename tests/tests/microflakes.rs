@@ -93,13 +93,13 @@ fn isotropic_flakes_are_the_isotropic_medium() {
         rendered(&lit(lumpy_grid(1.0, sigma_t, albedo, Phase::Isotropic)), &settings(96, 1));
     let phase = constant(Sggx::ISOTROPIC, MicroflakeScattering::Specular);
     let mirrors = rendered(&lit(lumpy_grid(1.0, sigma_t, albedo, phase)), &settings(96, 2));
-    assert_same("isotropic microflakes", &plain, &mirrors);
+    assert_same("isotropic microflakes", &plain, &mirrors, 9e-4);
     let empty = Tree::from_dense([0.0f32; 3], [0; 3], [1; 3], &[[0.0; 3]]);
     let grid =
         MicroflakeGrid::surfaces(&empty, Roughness::Constant(0.1), DAffine3::IDENTITY).unwrap();
     let phase = microflakes(MicroflakeShape::Grid(Box::new(grid)), MicroflakeScattering::Specular);
     let by_grid = rendered(&lit(lumpy_grid(1.0, sigma_t, albedo, phase)), &settings(96, 3));
-    assert_same("microflakes without axes", &plain, &by_grid);
+    assert_same("microflakes without axes", &plain, &by_grid, 9e-4);
 }
 
 /// Furnaces, grey and per channel, of mirrors and of matte microflakes, thin fibres and sheets,
@@ -230,6 +230,7 @@ fn all_ways_to_say_the_same_flakes() {
         position: DVec3::new(0.2, 0.1, 0.4),
         intensity: Vec3::new(0.5, 0.3, 0.2),
     }));
+    // The point light inside makes few samples very bright: biases below 10 to 25 % go unseen.
     let reference = rendered(&scene, &settings(128, 1));
     let with = |media: Vec<Medium>, settings: RenderSettings| {
         let mut other = pileus_tests::scene(media, EYE, DVec3::ZERO, 34.0);
@@ -239,25 +240,25 @@ fn all_ways_to_say_the_same_flakes() {
     };
     let specular = || constant(s, MicroflakeScattering::Specular);
     let homogeneous = cube_homogeneous(1.0, sigma_t, albedo, specular());
-    assert_same("homogeneous", &reference, &with(vec![homogeneous], settings(128, 2)));
+    assert_same("homogeneous", &reference, &with(vec![homogeneous], settings(128, 2)), 0.016);
     let part = |share: f32| cube_grid(1.0, sigma_t.map(|s| s * share), albedo, specular());
-    assert_same("parts", &reference, &with(vec![part(0.25), part(0.75)], settings(128, 3)));
+    assert_same("parts", &reference, &with(vec![part(0.25), part(0.75)], settings(128, 3)), 0.028);
     let axes = vec![[0.0f32, 0.6, 0.8]; 20 * 20 * 20];
     let tree = Tree::from_dense([0.0f32; 3], [-2; 3], [20; 3], &axes);
     let grid = MicroflakeGrid::fibres(&tree, Roughness::Constant(0.1), DAffine3::IDENTITY).unwrap();
     let by_grid =
         microflakes(MicroflakeShape::Grid(Box::new(grid)), MicroflakeScattering::Specular);
     let by_grid = cube_grid(1.0, sigma_t, albedo, by_grid);
-    assert_same("by grid", &reference, &with(vec![by_grid.clone()], settings(128, 4)));
+    assert_same("by grid", &reference, &with(vec![by_grid.clone()], settings(128, 4)), 0.012);
     let equiangular =
         RenderSettings { distance: Some(DistanceSampler::Equiangular), ..settings(128, 5) };
-    assert_same("equiangular", &reference, &with(vec![by_grid.clone()], equiangular));
+    assert_same("equiangular", &reference, &with(vec![by_grid.clone()], equiangular), 0.012);
     let exact = Some(Estimator::Regular);
     let exact = RenderSettings { transmittance: exact, ..settings(128, 6) };
-    assert_same("exact", &reference, &with(vec![part(1.0)], exact.clone()));
+    assert_same("exact", &reference, &with(vec![part(1.0)], exact.clone()), 0.021);
     // Along grids of microflakes nothing is integrated exactly: they are walked, the rest is not.
     let walked = with(vec![by_grid.clone()], exact.clone());
-    assert_same("by grid among exact methods", &reference, &walked);
+    assert_same("by grid among exact methods", &reference, &walked, 0.013);
     let scene = pileus_tests::scene(vec![by_grid], EYE, DVec3::ZERO, 34.0);
     let plan = Plan::new(&scene, &exact).unwrap();
     assert!(plan.reasons.iter().any(|reason| reason.contains("walked by tentative collisions")));

@@ -138,18 +138,19 @@ fn a_tabulated_henyey_greenstein_is_henyey_greenstein() {
         rendered(&scene, &settings(64, seed))
     };
     let exact = render(Phase::henyey_greenstein(0.7), 1);
-    assert_same("table", &render(Phase::mixture(table), 2), &exact);
-    assert_same("mixture", &render(Phase::mixture(same.unwrap()), 3), &exact);
+    assert_same("table", &render(Phase::mixture(table), 2), &exact, 1.8e-3);
+    assert_same("mixture", &render(Phase::mixture(same.unwrap()), 3), &exact, 1.8e-3);
 }
 
 /// Points at equal angles evaluate the same laws as flights.
 #[test]
 fn equiangular_points_see_the_same_law() {
     let position = DVec3::new(1.6, 0.3, -0.4);
-    for (k, (name, medium)) in [
-        ("two lobes", cube_homogeneous(1.0, [0.5; 3], [0.9; 3], two_lobes())),
-        ("mie", cube_homogeneous(1.0, [0.5; 3], [0.9; 3], mie(2.0))),
-        ("by grid", by_grid(0.5)),
+    // The sharper the law, the fewer paths find its peak.
+    for (k, (name, medium, spp, power)) in [
+        ("two lobes", cube_homogeneous(1.0, [0.5; 3], [0.9; 3], two_lobes()), 512, 6e-3),
+        ("mie", cube_homogeneous(1.0, [0.5; 3], [0.9; 3], mie(2.0)), 768, 0.0145),
+        ("by grid", by_grid(0.5), 256, 4.4e-3),
     ]
     .into_iter()
     .enumerate()
@@ -157,11 +158,11 @@ fn equiangular_points_see_the_same_law() {
         let mut scene = scene(vec![medium], EYE, DVec3::ZERO, 40.0);
         scene.lights.push(Light::Point(Point { position, intensity: Vec3::ONE }));
         let render = |distance, seed| {
-            let settings = RenderSettings { distance, ..settings(256, seed) };
+            let settings = RenderSettings { distance, ..settings(spp, seed) };
             rendered(&scene, &settings)
         };
         let flights = render(Some(DistanceSampler::Delta), 2 * k as u64);
         let points = render(Some(DistanceSampler::Equiangular), 2 * k as u64 + 1);
-        assert_same(name, &flights, &points);
+        assert_same(name, &flights, &points, power);
     }
 }

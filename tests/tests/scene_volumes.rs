@@ -167,7 +167,10 @@ fn a_field_of_instanced_clouds_holds_one_grid() {
 
 #[test]
 fn frustums_and_empty_grids_do_not_panic() {
-    assert!(load(&conformance("frustum.vdb"), DefaultScale::One).is_err());
+    let error = load(&conformance("frustum.vdb"), DefaultScale::One).unwrap_err();
+    let cause = std::error::Error::source(&error).unwrap().to_string();
+    assert!(matches!(error, Error::Vdb { .. }), "{error}");
+    assert!(cause.contains("frustum.vdb") && cause.contains("NonlinearFrustumMap"), "{cause}");
     for name in [
         "empty_grid.vdb",
         "single_voxel.vdb",

@@ -4,7 +4,7 @@
 use glam::{DVec3, Vec3};
 use pileus_film::Film;
 use pileus_integrator::{
-    LightSampling, Plan, RenderSettings, Renderer, ShadowRoulette, Unmonitored,
+    LightSampling, Parameter, Plan, RenderSettings, Renderer, ShadowRoulette, Unmonitored,
 };
 use pileus_media::Bounds3;
 use pileus_media::distance::DistanceSampler;
@@ -102,7 +102,7 @@ fn absorption_is_beer_lambert() {
         let light = [1.0f32, 2.0, 0.5];
         closed.environment.constant = Vec3::from_array(light);
         let result = rendered(&closed, &point_filter(spp, 3));
-        assert_expected(&format!("cube {sigma_t:?}"), &result, |x, y| {
+        assert_expected(&format!("cube {sigma_t:?}"), &result, 1.6e-4, |x, y| {
             let (o, d) = pixel_ray(&closed, x, y);
             let length = cube_span(o, d, 1.0).map_or(0.0, |(a, b)| b - a);
             [0, 1, 2].map(|k| f64::from(light[k]) * (-f64::from(sigma_t[k]) * length).exp())
@@ -120,7 +120,7 @@ fn absorption_is_beer_lambert() {
     let distance = Some(DistanceSampler::Spectral);
     let result = rendered(&plume, &RenderSettings { distance, ..point_filter(4096, 4) });
     let medium = &plume.volumes[0].medium;
-    assert_expected("plume, per channel", &result, |x, y| {
+    assert_expected("plume, per channel", &result, 1.7e-4, |x, y| {
         let (o, d) = pixel_ray(&plume, x, y);
         let tau = pileus_media::optical_depth(medium, o, d, 0.0, 100.0, &mut Default::default());
         [1.0, 1.0 / 3.0, 1.0 / 12.0].map(|relative| (-tau * relative).exp())
@@ -150,7 +150,7 @@ fn constant_grid_equals_homogeneous() {
             scene.environment.constant = Vec3::new(0.1, 0.2, 0.3);
             results.push(rendered(&scene, &settings(256, 10 + k as u64)));
         }
-        assert_same(&format!("extinction {extinction:?}"), &results[0], &results[1]);
+        assert_same(&format!("extinction {extinction:?}"), &results[0], &results[1], 2.2e-3);
     }
 }
 
@@ -208,7 +208,7 @@ fn single_scattering_is_the_integral() {
             }
             [sum; 3]
         };
-        assert_expected("single scattering", &result, quadrature);
+        assert_expected("single scattering", &result, 1.6e-3, quadrature);
     }
 }
 
@@ -342,7 +342,7 @@ fn shadow_rays_and_paths_agree_with_paths_alone() {
                     _ => paths,
                 };
                 let what = format!("{name}, disc {disc}, against {transmittance:?}");
-                assert_same(&what, &both, &rendered(&scene, &other));
+                assert_same(&what, &both, &rendered(&scene, &other), 4.4e-3);
             }
         }
     }
@@ -366,7 +366,12 @@ fn two_halves_make_a_whole() {
     };
     let whole = rendered(&build(1), &settings(128, 1));
     for parts in [2, 3] {
-        assert_same(&format!("{parts} parts"), &whole, &rendered(&build(parts), &settings(128, 2)));
+        assert_same(
+            &format!("{parts} parts"),
+            &whole,
+            &rendered(&build(parts), &settings(128, 2)),
+            7.3e-4,
+        );
     }
 }
 
@@ -390,7 +395,7 @@ fn channels_equal_grey_renders_each() {
                 to.channel_mut(other).unwrap().copy_from_slice(from.channel(other).unwrap());
             }
         }
-        assert_same(name, &all, &grey);
+        assert_same(name, &all, &grey, 9.4e-4);
     }
 }
 
@@ -416,7 +421,7 @@ fn camera_inside_and_endless_fog() {
     endless.lights.push(Light::Point(Point { position: at, intensity: Vec3::splat(10.0) }));
     let single = RenderSettings { max_bounces: Some(1), ..point_filter(2048, 2) };
     let result = rendered(&endless, &single);
-    assert_expected("fog", &result, |x, y| {
+    assert_expected("fog", &result, 2.7e-3, |x, y| {
         let (o, d) = pixel_ray(&endless, x, y);
         let n = 20_000;
         let mut sum = 0.0;
@@ -457,7 +462,12 @@ fn every_estimator_gives_the_same_picture() {
             for (i, estimator) in Estimator::ALL.into_iter().enumerate() {
                 if estimator.is_unbiased() && estimator != Estimator::Ratio {
                     let other = by(estimator, 64, 2 + i as u64);
-                    assert_same(&format!("{name}, {light}, {}", estimator.name()), &ratio, &other);
+                    assert_same(
+                        &format!("{name}, {light}, {}", estimator.name()),
+                        &ratio,
+                        &other,
+                        4.3e-3,
+                    );
                 }
             }
         }
@@ -488,7 +498,7 @@ fn every_sampler_gives_the_same_picture() {
             };
             let reference = rendered(&scene, &by(None, 1.0, Estimator::Ratio, 1));
             let mut seed = 2;
-            let check = |what: String, settings: RenderSettings| {
+            let check = |what: String, power: f64, settings: RenderSettings| {
                 let mut film = Film::new(scene.camera.resolution(), None).unwrap();
                 let counters = Renderer::new(&scene, &settings)
                     .expect("a plan")
@@ -497,7 +507,12 @@ fn every_sampler_gives_the_same_picture() {
                 assert_eq!(counters.dropped, 0);
                 assert_eq!(counters.violations > 0, settings.majorant_scale < 1.0, "{what}");
                 let (image, variance) = (film.image(), film.variance());
-                assert_same(&what, &reference, &Rendered { image, variance, film, counters });
+                assert_same(
+                    &what,
+                    &reference,
+                    &Rendered { image, variance, film, counters },
+                    power,
+                );
             };
             for sampler in DistanceSampler::ALL {
                 // Analytic flights are refused for grids.
@@ -510,15 +525,19 @@ fn every_sampler_gives_the_same_picture() {
                 for estimator in [Estimator::Ratio, Estimator::Regular, Estimator::ResidualRatio] {
                     seed += 1;
                     let what = format!("{name} {list}: {} {}", sampler.name(), estimator.name());
-                    check(what, by(Some(sampler), 1.0, estimator, seed));
+                    // The majorant of the strongest channel, and weights of the others.
+                    let weighted = name == "channels" && sampler == DistanceSampler::Delta;
+                    let power = if weighted { 0.03 } else { 6e-3 };
+                    check(what, power, by(Some(sampler), 1.0, estimator, seed));
                 }
             }
             check(
                 format!("{name} {list}: equiangular"),
+                6e-3,
                 by(Some(DistanceSampler::Equiangular), 1.0, Estimator::Ratio, 50),
             );
-            check(format!("{name} {list}: loose"), by(None, 4.0, Estimator::Ratio, 51));
-            check(format!("{name} {list}: broken"), by(None, 0.8, Estimator::Ratio, 52));
+            check(format!("{name} {list}: loose"), 6e-3, by(None, 4.0, Estimator::Ratio, 51));
+            check(format!("{name} {list}: broken"), 6e-3, by(None, 0.8, Estimator::Ratio, 52));
         }
     }
 }
@@ -531,15 +550,16 @@ fn equiangular_points_serve_lights_in_thin_media() {
     let mut scene = scene(vec![medium], EYE, DVec3::ZERO, 24.0);
     let light = Point { position: DVec3::new(0.1, 0.05, 0.02), intensity: Vec3::ONE };
     scene.lights.push(Light::Point(light));
-    let by = |distance| rendered(&scene, &RenderSettings { distance, ..settings(64, 7) });
-    let flights = by(Some(DistanceSampler::Delta));
-    let points = by(Some(DistanceSampler::Equiangular));
-    assert_same("thin", &flights, &points);
+    let by = |distance, spp| rendered(&scene, &RenderSettings { distance, ..settings(spp, 7) });
+    // Flights seldom scatter near the light.
+    let flights = by(Some(DistanceSampler::Delta), 1024);
+    let points = by(Some(DistanceSampler::Equiangular), 64);
+    assert_same("thin", &flights, &points, 0.0105);
     let mean_variance = |r: &Rendered| {
         let plane = r.variance.channel("G").unwrap();
         plane.iter().map(|v| f64::from(*v)).sum::<f64>() / plane.len() as f64
     };
-    let gain = mean_variance(&flights) / mean_variance(&points);
+    let gain = 1024.0 / 64.0 * mean_variance(&flights) / mean_variance(&points);
     println!("variance: flights / equiangular = {gain:.1}");
     assert!(gain > 10.0, "{gain}");
     // Asked for, and by the plan's own choice.
@@ -554,17 +574,48 @@ fn equiangular_points_serve_lights_in_thin_media() {
     )
     .unwrap();
     assert_eq!(plan.distance, DistanceSampler::Delta);
-    for (distance, majorant_scale, estimator) in [
-        (Some(DistanceSampler::Analytic), 1.0, Estimator::Ratio),
-        (Some(DistanceSampler::Delta), 0.5, Estimator::Ratio),
-        (None, 0.5, Estimator::Delta),
-        (None, 0.0, Estimator::Ratio),
-        (None, f32::NAN, Estimator::Ratio),
+    for (distance, majorant_scale, estimator, parameter, says) in [
+        (
+            Some(DistanceSampler::Analytic),
+            1.0,
+            Estimator::Ratio,
+            Parameter::Distance,
+            "distance is analytic: volume `volume 0` is a grid",
+        ),
+        (
+            Some(DistanceSampler::Delta),
+            0.5,
+            Estimator::Ratio,
+            Parameter::Distance,
+            "distance is delta: it needs bounds that hold, but majorant_scale is 0.5",
+        ),
+        (
+            None,
+            0.5,
+            Estimator::Delta,
+            Parameter::Transmittance,
+            "transmittance is delta: it needs bounds that hold, but majorant_scale is 0.5",
+        ),
+        (
+            None,
+            0.0,
+            Estimator::Ratio,
+            Parameter::MajorantScale,
+            "majorant_scale is 0: volume `volume 0`",
+        ),
+        (
+            None,
+            f32::NAN,
+            Estimator::Ratio,
+            Parameter::MajorantScale,
+            "majorant_scale is NaN: volume `volume 0`",
+        ),
     ] {
         let transmittance = Some(estimator);
         let settings = RenderSettings { distance, majorant_scale, transmittance, ..settings(1, 1) };
-        let error = Plan::new(&scene, &settings).unwrap_err().to_string();
-        assert!(!error.is_empty());
+        let error = Plan::new(&scene, &settings).unwrap_err();
+        assert_eq!(error.parameter(), Some(parameter), "{error}");
+        assert!(error.to_string().starts_with(says) && !error.remedies().is_empty(), "{error}");
     }
 }
 
@@ -577,7 +628,7 @@ fn endless_fog_that_is_clear_in_one_channel() {
     scene.environment.constant = Vec3::new(0.0, 0.0, 0.7);
     scene.lights.push(sun(Vec3::Y, Vec3::splat(3.0), 0.0));
     let image = rendered(&scene, &settings(256, 5));
-    assert_expected("endless fog", &image, |_, _| [0.0, 0.0, 0.7]);
+    assert_expected("endless fog", &image, 0.0, |_, _| [0.0, 0.0, 0.7]);
 }
 
 /// `clamp` bounds every sample's luminance, keeps its colour, is counted and named as a bias, and
@@ -647,7 +698,12 @@ fn expected_shadows_change_no_mean() {
             assert!(!thin || chosen, "{reasons:?}");
             let seed = 20 + 4 * i as u64 + 2 * u64::from(two);
             let by_expectation = rendered(&scene, &expected(seed));
-            assert_same("expected", &by_expectation, &rendered(&scene, &importance(seed + 1)));
+            assert_same(
+                "expected",
+                &by_expectation,
+                &rendered(&scene, &importance(seed + 1)),
+                2.9e-3,
+            );
             let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build().unwrap();
             let again = pool.install(|| rendered(&scene, &expected(seed)));
             for c in ["R", "G", "B"] {

@@ -30,7 +30,8 @@ fn a_failed_write_leaves_the_old_file_alone() {
             panic!("in the middle");
         });
     });
-    assert!(panic.is_err());
+    let message = panic.unwrap_err().downcast::<&str>().unwrap();
+    assert_eq!(*message, "in the middle");
     assert_eq!(names(folder.path()), ["stats.json"]);
     assert_eq!(fs::read(&path).unwrap(), b"old");
 
@@ -51,7 +52,10 @@ fn targets_that_cannot_be_are_errors_without_traces() {
     // A folder of that name is in the way.
     fs::create_dir(folder.path().join("a.exr")).unwrap();
     fs::write(folder.path().join("a.exr/content"), b"").unwrap();
-    assert!(write(&folder.path().join("a.exr")).is_err());
+    let taken = write(&folder.path().join("a.exr")).unwrap_err();
+    assert!(matches!(taken, Error::Io { .. }), "{taken}");
+    assert!(taken.place() == folder.path().join("a.exr"), "{taken}");
+    assert!(taken.to_string().contains("put a file where a folder is"), "{taken}");
     assert_eq!(names(folder.path()), ["a.exr"]);
 }
 
@@ -117,12 +121,21 @@ fn grey_images_are_shown_and_colourless_ones_refused() {
 
 #[test]
 fn images_check_what_they_are_given() {
-    assert!(Image::new(0, 1, &["R"]).is_err());
+    let empty = Image::new(0, 1, &["R"]).unwrap_err();
+    assert!(matches!(empty, Error::Invalid { .. }), "{empty}");
+    assert!(empty.to_string().contains("0 x 1 pixels"), "{empty}");
     assert!(matches!(Image::new(1 << 16, 1 << 15, &["R"]), Err(Error::TooLarge { .. })));
     let mut image = Image::new(2, 2, &["R"]).unwrap();
-    assert!(image.add_channel("R", vec![0.0; 4]).is_err());
-    assert!(image.add_channel("", vec![0.0; 4]).is_err());
-    assert!(image.add_channel("G", vec![0.0; 3]).is_err());
+    for (name, values, says) in [
+        ("R", 4, "has a channel of that name"),
+        ("", 4, "the name cannot be stored"),
+        ("G", 3, "3 values"),
+    ] {
+        let error = image.add_channel(name, vec![0.0; values]).unwrap_err();
+        assert!(matches!(error, Error::Invalid { .. }), "{error}");
+        assert_eq!(error.place(), Path::new(&format!("channel {name:?}")));
+        assert!(error.to_string().contains(says), "{error}");
+    }
     assert!(image.add_channel("G", vec![0.0; 4]).is_ok());
     assert!(!image.set("G", 2, 0, 1.0) && !image.set("Z", 0, 0, 1.0));
     assert_eq!(image.get("G", 0, 2), None);

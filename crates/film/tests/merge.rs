@@ -249,12 +249,19 @@ fn the_image_is_the_mean_of_what_was_not_dropped() {
 #[test]
 fn what_does_not_fit_is_refused_or_counted() {
     let window = |x0, y0, width, height| Some(Crop { x0, y0, width, height });
-    assert!(Film::new([0, 4], None).is_err());
-    assert!(Film::new([1 << 20, 1 << 20], None).is_err());
-    assert!(Film::new([u32::MAX, 1], None).is_err());
-    for crop in [window(0, 0, 0, 1), window(3, 0, 2, 1), window(u32::MAX, 0, 2, 1)] {
-        assert!(Film::new([4, 4], crop).is_err());
+    for (resolution, crop, says) in [
+        ([0, 4], None, "resolution 0 x 4"),
+        ([u32::MAX, 1], None, "resolution 4294967295 x 1"),
+        ([4, 4], window(0, 0, 0, 1), "crop window 0 x 1 at (0, 0)"),
+        ([4, 4], window(3, 0, 2, 1), "crop window 2 x 1 at (3, 0)"),
+        ([4, 4], window(u32::MAX, 0, 2, 1), "crop window 2 x 1 at (4294967295, 0)"),
+    ] {
+        let error = Film::new(resolution, crop).unwrap_err();
+        assert!(matches!(error, Error::Invalid { .. }), "{error}");
+        assert!(error.to_string().contains(says), "{error}");
     }
+    let error = Film::new([1 << 20, 1 << 20], None).unwrap_err();
+    assert!(matches!(error, Error::TooLarge { .. }), "{error}");
     let mut film = Film::new([4, 4], None).unwrap();
     let other = Film::new([4, 4], window(0, 0, 4, 3)).unwrap();
     assert!(film.merge(&other).unwrap_err().to_string().contains("slices of one job"));
@@ -262,7 +269,8 @@ fn what_does_not_fit_is_refused_or_counted() {
     let layers = Film::with_layers([4, 4], None, &[&LUMINANCE]).unwrap();
     let error = film.merge(&layers).unwrap_err().to_string();
     assert!(error.contains("variance, luminance") && error.contains("one job"), "{error}");
-    assert!(film.add_tiles(&[layers.tile(0, 0, 1, 1)]).is_err());
+    let error = film.add_tiles(&[layers.tile(0, 0, 1, 1)]).unwrap_err().to_string();
+    assert!(error.contains("a tile was made for other layers"), "{error}");
 
     // A tile that hangs over the edge, and ones that are far off or empty.
     let mut tile = film.tile(3, 3, 2, 2);

@@ -103,7 +103,14 @@ fn every_cut_and_every_changed_bit_is_found() {
         for bit in 0..8 {
             let mut broken = bytes.clone();
             broken[i] ^= 1 << bit;
-            assert!(read(&broken).is_err(), "byte {i} bit {bit}");
+            let error = read(&broken).err().unwrap_or_else(|| panic!("byte {i} bit {bit}"));
+            // What names a version or a layer can become another name.
+            let found = match error {
+                Error::Invalid { .. } | Error::TooLarge { .. } => true,
+                Error::Unsupported { .. } => i < bytes.len() - 8 - 6 * PIXEL,
+                _ => false,
+            };
+            assert!(found, "byte {i} bit {bit}: {error}");
         }
     }
 }

@@ -382,14 +382,32 @@ fn unknown_keys_of_known_extensions_are_said() {
 #[test]
 fn materials_that_nothing_uses_stop_nothing() {
     let faults = [
-        json!({"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}),
-        json!({"emissiveTexture": {"index": 1, "texCoord": 2}}),
-        json!({"normalTexture": {"index": 2}}),
-        json!({"normalTexture": {"index": 77}}),
-        json!({"alphaMode": "MAYBE"}),
-        json!({"extensions": {"KHR_materials_ior": {"ior": 0.5}}}),
-        json!({"extensions": {"KHR_materials_ior": {"ior": "glass"}}}),
-        json!({"extensions": {"KHR_materials_volume": {"attenuationDistance": -1}}}),
+        (
+            json!({"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}),
+            "lost.png (named by /images/0 of ",
+        ),
+        (
+            json!({"emissiveTexture": {"index": 1, "texCoord": 2}}),
+            "(/materials/0/emissiveTexture): the texture uses the set TEXCOORD_2",
+        ),
+        (json!({"normalTexture": {"index": 2}}), "(/textures/2): the texture has no image"),
+        (
+            json!({"normalTexture": {"index": 77}}),
+            "(/materials/0/normalTexture): texture 77 does not exist",
+        ),
+        (json!({"alphaMode": "MAYBE"}), "(/materials/0/alphaMode): the alpha mode"),
+        (
+            json!({"extensions": {"KHR_materials_ior": {"ior": 0.5}}}),
+            "(/materials/0/extensions/KHR_materials_ior/ior): the index of refraction",
+        ),
+        (
+            json!({"extensions": {"KHR_materials_ior": {"ior": "glass"}}}),
+            "(/materials/0/extensions/KHR_materials_ior/ior): string \"glass\"",
+        ),
+        (
+            json!({"extensions": {"KHR_materials_volume": {"attenuationDistance": -1}}}),
+            "(/materials/0/extensions/KHR_materials_volume/attenuationDistance): ",
+        ),
     ];
     let more = json!({
         "images": [{"uri": "lost.png"}, image([255; 4]), {"uri": data(b"RIFF....WEBP", "image/webp")}],
@@ -398,7 +416,7 @@ fn materials_that_nothing_uses_stop_nothing() {
         "extensionsRequired": ["EXT_texture_webp", "KHR_texture_basisu"],
     });
     let quiet = json!({"name": "used", "emissiveFactor": [1, 0.5, 0]});
-    for fault in &faults {
+    for (fault, says) in &faults {
         let text = file(&Corners::default(), json!([quiet, fault]), more.clone());
         let (scene, found) = parse(&text).unwrap_or_else(|error| panic!("{fault}: {error}"));
         assert_eq!(below(&found.surfaces.unwrap(), 0.3, 0.2).emission, Vec3::new(1.0, 0.5, 0.0));
@@ -406,10 +424,11 @@ fn materials_that_nothing_uses_stop_nothing() {
         let text = file(&Corners::default(), json!([fault, quiet]), more.clone());
         let error = parse(&text).err().unwrap_or_else(|| panic!("{fault} is used"));
         let says_more = matches!(error, Error::Io { .. }) || !error.remedy().is_empty();
-        assert!(says_more && error.to_string().contains("a.gltf"), "{fault}: {error}");
+        let said = error.to_string();
+        assert!(says_more && said.contains("a.gltf") && said.contains(says), "{fault}: {said}");
     }
     // Lines, and meshes that no node shows, use no material.
-    let mut lines = file(&Corners::default(), json!([quiet, faults[0]]), more);
+    let mut lines = file(&Corners::default(), json!([quiet, faults[0].0]), more);
     let mut line = lines["meshes"][0]["primitives"][0].clone();
     (line["mode"], line["material"]) = (json!(1), json!(1));
     lines["meshes"][0]["primitives"].as_array_mut().unwrap().push(line.clone());

@@ -150,3 +150,6 @@ fn info(grid: &vdb_rs::Grid<f32>) -> GridInfo {
         leaves_start: 0,
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -5,7 +5,7 @@ mod active;
 mod blosc;
 mod blosclz;
 mod compression;
-#[cfg(feature = "vdb-rs")]
+#[cfg(any(test, feature = "vdb-rs"))]
 mod convert;
 mod cursor;
 mod error;
@@ -27,7 +27,7 @@ mod value;
 
 pub use active::ActiveValue;
 pub use compression::Compression;
-#[cfg(feature = "vdb-rs")]
+#[cfg(any(test, feature = "vdb-rs"))]
 pub use convert::from_vdb_rs;
 pub use error::{Error, Place};
 pub use grid::{Grid, GridClass, GridInfo, ValueType, Values};

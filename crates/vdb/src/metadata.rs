@@ -146,7 +146,7 @@ impl Metadata {
         self.items.is_empty()
     }
 
-    #[cfg(feature = "vdb-rs")]
+    #[cfg(any(test, feature = "vdb-rs"))]
     pub(crate) fn from_items(items: impl Iterator<Item = (String, MetaValue)>) -> Metadata {
         let mut items: Vec<_> = items.collect();
         items.sort_by(|a, b| a.0.cmp(&b.0));

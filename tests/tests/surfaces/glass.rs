@@ -150,7 +150,7 @@ fn scattering_inside_is_a_homogeneous_medium() {
         volume.surfaces = Some(surfaces(&[ground]));
         let inside = rendered(&body, &settings(192, 10 + k as u64));
         let around = rendered(&volume, &settings(128, 20 + k as u64));
-        assert_same(&format!("scattering {color:?}"), &inside, &around);
+        assert_same(&format!("scattering {color:?}"), &inside, &around, 3.6e-3);
     }
 }
 
@@ -173,11 +173,12 @@ fn shadow_rays_through_the_skin_of_bodies() {
     wax["extensions"]["KHR_materials_diffuse_transmission"] = json!({"diffuseTransmissionFactor": 0.7,
         "diffuseTransmissionColorFactor": [0.9, 0.8, 0.7]});
     wax["extensions"]["KHR_materials_volume"] = volume([0.6, 0.5, 0.2]);
-    for (k, (name, material, area_light_inside)) in [
-        ("rough", rough([0.6, 0.3, 0.1]), false),
-        ("milky", milky, true),
-        ("wax", wax.clone(), false),
-        ("wax", wax, true),
+    // Paths alone seldom find an area light outside: biases below some 20 % go unseen there.
+    for (k, (name, material, area_light_inside, power)) in [
+        ("rough", rough([0.6, 0.3, 0.1]), false, 0.022),
+        ("milky", milky, true, 7e-3),
+        ("wax", wax.clone(), false, 0.016),
+        ("wax", wax, true, 7e-3),
     ]
     .into_iter()
     .enumerate()
@@ -203,6 +204,11 @@ fn shadow_rays_through_the_skin_of_bodies() {
         };
         let both = by(LightSampling::Both, 64, 30 + k as u64);
         let paths = by(LightSampling::Paths, 192, 40 + k as u64);
-        assert_same(&format!("{name}, area light inside {area_light_inside}"), &both, &paths);
+        assert_same(
+            &format!("{name}, area light inside {area_light_inside}"),
+            &both,
+            &paths,
+            power,
+        );
     }
 }

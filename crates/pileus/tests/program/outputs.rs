@@ -243,7 +243,8 @@ fn devices_are_not_replaced() {
     refused(folder.path(), &endless(json!({ "image": "a.exr", "stats": "pipe" })), 4, &["pipe"]);
     assert!(std::fs::symlink_metadata(&pipe).unwrap().file_type().is_fifo());
     // The library that writes refuses as well.
-    assert!(pileus_film::write_atomically(&pipe, |_| Ok(())).is_err());
+    let error = pileus_film::write_atomically(&pipe, |_| Ok(())).unwrap_err();
+    assert!(error.place() == pipe && error.to_string().contains("a device or pipe"), "{error}");
     assert!(std::fs::symlink_metadata(&pipe).unwrap().file_type().is_fifo());
 }
 

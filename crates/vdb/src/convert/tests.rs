@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::io::Cursor;
 use std::path::Path;
 
-use pileus_vdb::{Coord, Grid, Values, VdbFile, from_vdb_rs};
+use crate::{Coord, Grid, Values, VdbFile, from_vdb_rs};
 
 /// Files of the conformance set and grids in them of which version 0.6.0 of `vdb-rs` reads all
 /// active values right. On the others it panics, aborts the process, refuses, or gives wrong
