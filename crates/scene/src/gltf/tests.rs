@@ -3,7 +3,7 @@
 use glam::{DVec3, Vec3};
 
 use super::*;
-use crate::light::Light;
+use crate::light::punctual::Light;
 use crate::spec::volume_spec::TransmittanceFunctionSpec;
 
 fn read(text: &str) -> Result<GltfScene, Error> {
