@@ -73,7 +73,7 @@ impl<'a> Renderer<'a> {
         self.render_samples(self.settings.samples.clone(), film, monitor)
     }
 
-    /// As [`Renderer::render`], of other samples than the settings'.
+    /// Renders the samples of these numbers, instead of the settings', into `film`.
     ///
     /// # Errors
     /// If film and camera differ in resolution, or if there is no memory for the samples of a pass.

@@ -39,8 +39,8 @@ pub fn happens<R: Rng + ?Sized>(probability: f32, rng: &mut R) -> bool {
     Decision::new(rng).is_below(probability, rng)
 }
 
-/// As [`happens`], with the probability `part / whole` of two numbers of which the second is
-/// positive.
+/// Whether an event of probability `part / whole` happens, exact for all numbers of single
+/// precision of which the second is positive. Below zero and NaN count as zero.
 #[inline(always)]
 pub fn happens_of<R: Rng + ?Sized>(part: f32, whole: f32, rng: &mut R) -> bool {
     let u = uniform(rng);
@@ -92,7 +92,7 @@ impl Decision {
         self.u + self.step <= probability || self.is_below_within_step(f64::from(probability), rng)
     }
 
-    /// The same for three probabilities at once.
+    /// Whether the number lies below each of three probabilities.
     #[inline(always)]
     pub fn is_below_each<R: Rng + ?Sized>(&mut self, probability: Vec3, rng: &mut R) -> BVec3 {
         let below = Vec3::splat(self.u).cmplt(probability);
@@ -103,7 +103,7 @@ impl Decision {
         BVec3::new(self.is_below(x, rng), self.is_below(y, rng), self.is_below(z, rng))
     }
 
-    /// The same for a probability in double precision, such as a sum of two.
+    /// Whether the number lies below a probability in double precision, such as a sum of two.
     #[inline]
     pub fn is_below_exactly<R: Rng + ?Sized>(&mut self, probability: f64, rng: &mut R) -> bool {
         if !(f64::from(self.u) < probability) {

@@ -24,7 +24,7 @@ pub trait Spectrum:
     const ZERO: Self;
     /// One in all channels.
     const ONE: Self;
-    /// The same in all channels.
+    /// `value` in all channels.
     fn splat(value: f32) -> Self;
     /// `e^x` per channel.
     fn exp(self) -> Self;

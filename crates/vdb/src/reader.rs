@@ -98,10 +98,12 @@ impl VdbFile {
         }
     }
 
-    /// The same for a file that is in memory. `name` stands for its path in errors.
+    /// Opens a file that is in memory: reads the header and what it says of each grid, no voxels.
+    /// `name` stands for its path in errors.
     ///
     /// # Errors
-    /// Those of [`VdbFile::open`] but [`Error::Io`].
+    /// If it is no VDB file, or one of a version that is not read, or if header, metadata or
+    /// transforms are damaged.
     pub fn from_bytes(name: impl Into<String>, bytes: Vec<u8>) -> Result<VdbFile, Error> {
         let length = bytes.len() as u64;
         VdbFile::new(Source { name: name.into(), length, data: Data::Memory(bytes) })

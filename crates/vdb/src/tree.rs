@@ -119,7 +119,7 @@ impl<T: Copy + PartialEq> Tree<T> {
         Tree::from_leaves(background, leaves.into_iter().map(|(o, (v, m))| (o, v, m)))
     }
 
-    /// The same tree with these tiles instead of its own. Inactive ones that hold the background
+    /// This tree's leaves with these tiles instead of its own. Inactive ones that hold the background
     /// are dropped.
     ///
     /// Origins are rounded down to multiples of the tiles' size; the caller sees to it that they

@@ -14,7 +14,7 @@ pub(crate) trait Value: Copy + PartialEq + Default + Send + Sync + 'static {
     fn from_bytes(bytes: &[u8]) -> Self;
     /// As many values as both sides hold.
     fn decode(bytes: &[u8], out: &mut [Self]);
-    /// The same from half floats; `scratch` is free to use.
+    /// As many values as both sides hold, from half floats; `scratch` is free to use.
     fn decode_half(bytes: &[u8], out: &mut [Self], scratch: &mut HalfScratch);
     /// What OpenVDB calls the negative: sign change (wrapping), or the opposite of a truth value.
     fn negative(self) -> Self;

@@ -225,7 +225,7 @@ fn wrong_command_lines_end_with_two() {
         (&["render", "job.json", "--preview", "cloud.exr"], &["cloud.exr", ".png"]),
         (&["render", "job.json", "--grid", "density"], &["--grid", "belong to OpenVDB files"]),
         (&["info", "what.dat"], &["what.dat: the kind of this file is not known"]),
-        (&[&probe[..], &["--estimator", "tailor"]].concat(), &["`tailor`", "`taylor`"]),
+        (&[&probe[..], &["--estimator", "tailor"]].concat(), &["'tailor'", "'taylor'"]),
     ] {
         let output = run(folder.path(), arguments);
         let said = stderr(&output);

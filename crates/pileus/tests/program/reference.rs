@@ -53,7 +53,7 @@ fn types_alone(schema: &Value) -> Value {
         Value::Object(keywords) => {
             let fixed = keywords.get("minItems") == keywords.get("maxItems");
             let stays = |key: &str| match key {
-                "allOf" | "not" | "pattern" => false,
+                "allOf" | "not" | "pattern" | "uniqueItems" => false,
                 key if key.ends_with("imum") || key.ends_with("Minimum") => false,
                 key if key.ends_with("Maximum") => false,
                 "minItems" | "maxItems" => fixed,

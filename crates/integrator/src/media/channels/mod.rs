@@ -50,9 +50,9 @@ pub(crate) trait ChannelMode: Copy + Send + Sync {
 
 /// A flight under way, of one channel or of all.
 pub(crate) trait FlightUnderWay {
-    /// As [`ChannelMode::Nulls`].
+    /// Probability of null decisions: of all channels at once, or of each.
     type Nulls;
-    /// As [`ChannelMode::Decoupled`].
+    /// Ends of flights of channels that did not end with the first.
     type Decoupled;
 
     /// Begins a flight with throughput `beta`.
