@@ -418,7 +418,7 @@ fn ranges_stand_in_the_schema() {
         // At the value, in it, or, where two do not go together, at what holds both.
         let place = error.place();
         let part = place.part.as_deref().unwrap_or_default();
-        let parent = if parent.is_empty() { "(top level)" } else { parent };
+        let parent = if parent.is_empty() { "top level" } else { parent };
         assert!(part.starts_with(pointer) || part == parent, "{pointer}: {error}");
         assert!(place.file.as_deref() == Some(&*path) && place.line.is_some(), "{error}");
     }
