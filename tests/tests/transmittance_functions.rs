@@ -625,7 +625,7 @@ fn the_plan_says_what_it_does_and_refuses_what_assumes_the_exponential() {
         let points = by_name(Some(DistanceSampler::Equiangular), None, settings(1, 1));
         let error = Plan::new(&scene, &points).unwrap_err();
         assert_eq!(error.parameter(), Some(Parameter::Distance), "{error}");
-        let says = format!("volume `volume 0` follows another ({function})");
+        let says = format!("volume `volume 0` has another ({function})");
         assert!(error.to_string().contains(&says), "{error}");
     }
 }
