@@ -13,6 +13,5 @@ pub static ALPHA: Layer = Layer {
 };
 
 fn alpha(pixel: &PixelMoments, values: &mut [f32]) {
-    let [_, _, _, mean] = pixel.mean();
-    values.fill(mean as f32);
+    values.fill(pixel.mean_of(3) as f32);
 }
