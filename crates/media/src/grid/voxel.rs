@@ -44,7 +44,7 @@ impl Half {
     pub(crate) const ZERO: Half = Half(0);
 
     /// The half that equals `value` exactly, if there is one and it is finite and not negative.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn exact(value: f32) -> Option<Half> {
         let bits = value.to_bits();
         // Normal halves: exponent -14 to 15 and ten bits of mantissa.
@@ -54,6 +54,12 @@ impl Half {
         if bits == 0 {
             return Some(Half::ZERO);
         }
+        Half::rare(value)
+    }
+
+    /// [`Half::exact`] of the smallest halves, and of what none equals.
+    #[inline(never)]
+    fn rare(value: f32) -> Option<Half> {
         let half = half::f16::from_f32(value);
         let exact = half.to_f32() == value && value.is_finite() && value >= 0.0;
         exact.then(|| Half(half.to_bits() & 0x7fff))
