@@ -107,7 +107,7 @@ impl<F: RayField> Collisions for OneMedium<F> {
 }
 
 /// A medium that a ray has come to, with its next tentative collision.
-struct Walker<'a> {
+pub(super) struct Walker<'a> {
     medium: OneMedium<AnyRay<'a>>,
     next: Option<Tentative>,
     /// Where on the ray; infinite if there is none.
@@ -133,19 +133,26 @@ pub(super) struct Ahead<'a> {
 
 /// The collisions of media that overlap, in order along the ray: overlapping media are independent
 /// Poisson processes.
-pub(super) struct ManyMedia<'a> {
+///
+/// The lists are the caller's: what holds them is moved about.
+pub(super) struct ManyMedia<'r, 'a> {
     /// Media that the ray has not come to, the nearest last.
-    ahead: SmallVec<[Ahead<'a>; 4]>,
-    walkers: SmallVec<[Walker<'a>; 4]>,
+    ahead: &'r mut SmallVec<[Ahead<'a>; 4]>,
+    walkers: &'r mut SmallVec<[Walker<'a>; 4]>,
     /// The walker of the last collision, which has to advance before the next.
     last: Option<usize>,
     /// Stratified majorant depth of the very first collision.
     first: Option<f32>,
 }
 
-impl<'a> ManyMedia<'a> {
-    pub(super) fn new(ahead: SmallVec<[Ahead<'a>; 4]>, first: Option<f32>) -> ManyMedia<'a> {
-        ManyMedia { ahead, walkers: SmallVec::new(), last: None, first }
+impl<'r, 'a> ManyMedia<'r, 'a> {
+    /// `walkers`: an empty list.
+    pub(super) fn new(
+        ahead: &'r mut SmallVec<[Ahead<'a>; 4]>,
+        walkers: &'r mut SmallVec<[Walker<'a>; 4]>,
+        first: Option<f32>,
+    ) -> ManyMedia<'r, 'a> {
+        ManyMedia { ahead, walkers, last: None, first }
     }
 
     fn nearest(&self) -> Option<usize> {
@@ -159,7 +166,7 @@ impl<'a> ManyMedia<'a> {
     }
 }
 
-impl Collisions for ManyMedia<'_> {
+impl Collisions for ManyMedia<'_, '_> {
     const ONE_MEDIUM: bool = false;
 
     fn next<R: Rng>(&mut self, rng: &mut R) -> Option<Tentative> {

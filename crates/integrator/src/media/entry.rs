@@ -60,9 +60,9 @@ impl<'a> Entry<'a> {
     }
 
     /// The part before `t_max` on the ray; `None` if it begins behind.
-    pub(super) fn clipped(self, ray: &Ray, t_max: f64) -> Option<Entry<'a>> {
-        let rate = self.rate;
-        Some(Entry { rate, ..Entry::new(self.number, self.medium, ray, t_max)? })
+    #[inline]
+    pub(super) fn before(self, t_max: f64) -> Option<Entry<'a>> {
+        Some(Entry { span: self.span.before(t_max)?, ..self })
     }
 
     /// Draws the rate of a medium whose transmittance function is a mixture of exponentials.

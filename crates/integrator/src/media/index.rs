@@ -23,7 +23,7 @@ const MAX_WITHOUT_HIERARCHY: usize = 4;
 const PADDING: f64 = 1e-6;
 
 /// Media by number.
-pub(super) type MetMedia = SmallVec<[u32; 8]>;
+pub(crate) type MetMedia = SmallVec<[u32; 8]>;
 
 /// What a medium needs of a flight.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -42,12 +42,14 @@ pub(super) enum Walk {
 pub(crate) struct MediaIndex {
     /// Media that every ray asks: all of a short list, those without bounds of a long one.
     always: MetMedia,
-    /// Of a short list, the media with their boxes, which rays are held against first, the largest
-    /// in front; empty for a single medium.
+    /// Of a short list, the media with their boxes, which tell rays that meet one of them or none,
+    /// the largest in front; empty for a single medium.
     near: Vec<NearBox>,
     boxes: Option<Boxes>,
     /// By medium.
     pub(super) walks: Vec<Walk>,
+    /// By medium: its place among all by density, the densest first.
+    pub(super) ranks: Vec<u32>,
     /// Whether any medium may need a flight of its own, or a rate: else no flight asks.
     pub(super) special: bool,
     /// Whether any is homogeneous: else no flight asks for closed forms.
@@ -101,11 +103,19 @@ impl MediaIndex {
         let homogeneous = media.iter().any(|m| m.homogeneous_box().is_some());
         let non_exponential = media.iter().any(|medium| medium.transmittance_function().is_some());
         let walks: Vec<Walk> = media.iter().map(|medium| walk_of(medium)).collect();
+        let mut by_density: Vec<usize> = (0..media.len()).collect();
+        by_density
+            .sort_by(|&a, &b| media[b].largest_sigma_t().total_cmp(&media[a].largest_sigma_t()));
+        let mut ranks = vec![0; media.len()];
+        for (rank, &medium) in by_density.iter().enumerate() {
+            ranks[medium] = number(rank);
+        }
         let with = |always, near, boxes| MediaIndex {
             always,
             near,
             boxes,
             walks,
+            ranks,
             special,
             homogeneous,
             non_exponential,
@@ -167,22 +177,17 @@ impl MediaIndex {
         with(always, Vec::new(), Some(Boxes { bvh, media, low, high }))
     }
 
-    /// The media that `ray` may meet up to `t_max`; some of them it may miss. In no order.
+    /// The media that `ray` may meet up to `t_max`; some of them it may miss. In no order. `found`:
+    /// an empty list, where long lists put what their hierarchy finds.
     #[inline]
-    pub(crate) fn along(&self, ray: &Ray, t_max: f64) -> MetMedia {
-        if self.near.is_empty() {
-            let mut met = self.always.clone();
-            if let Some(boxes) = &self.boxes {
-                boxes.along(ray, t_max, &mut met);
-            }
-            return met;
-        }
-        let inverse = ray.direction.as_dvec3().recip();
-        let met = self.near.iter().filter(|near| near.may_be_met(ray.origin, inverse, t_max));
-        met.map(|near| near.number).collect()
+    pub(crate) fn along<'m>(&'m self, ray: &Ray, t_max: f64, found: &'m mut MetMedia) -> &'m [u32] {
+        let Some(boxes) = &self.boxes else { return &self.always };
+        found.extend_from_slice(&self.always);
+        boxes.along(ray, t_max, found);
+        found
     }
 
-    /// What [`MediaIndex::along`] would find, if it is not worth a list.
+    /// Whether a ray may meet several media up to `t_max`, and else which.
     #[inline(always)]
     pub(super) fn at_most_one(&self, ray: &Ray, t_max: f64) -> AtMostOne {
         if self.near.is_empty() {
@@ -342,7 +347,8 @@ mod tests {
                     let origin = from - direction.as_dvec3() * back;
                     let t_max = if kind % 5 == 0 { back + spread * 0.1 } else { f64::INFINITY };
                     let ray = Ray { origin, direction };
-                    let met = index.along(&ray, t_max);
+                    let mut found = MetMedia::new();
+                    let met = index.along(&ray, t_max, &mut found);
                     for (i, medium) in media.iter().enumerate() {
                         if medium.span(origin, direction, t_max).is_some() {
                             hits += 1;
@@ -388,7 +394,8 @@ mod tests {
                         .filter(|i| media[*i].span(ray.origin, direction, t_max).is_some())
                         .collect();
                     hits += met.len();
-                    let along = index.along(&ray, t_max);
+                    let mut found = MetMedia::new();
+                    let along = index.along(&ray, t_max, &mut found);
                     assert!(met.iter().all(|i| along.contains(&(*i as u32))), "{met:?} {along:?}");
                     match index.at_most_one(&ray, t_max) {
                         AtMostOne::None => assert!(met.is_empty()),
@@ -414,7 +421,8 @@ mod tests {
         for _ in 0..1000 {
             let origin = DVec3::new(f64::from(uniform(&mut rng)), 0.5, 0.5) * 100.0;
             let direction = Vec3::new(1.0, uniform(&mut rng), uniform(&mut rng)).normalize();
-            asked += index.along(&Ray { origin, direction }, f64::INFINITY).len();
+            let ray = Ray { origin, direction };
+            asked += index.along(&ray, f64::INFINITY, &mut MetMedia::new()).len();
         }
         assert!(asked < 2000, "{asked}");
     }

@@ -1,9 +1,12 @@
 //! A list of media, overlapping or not: one process of tentative collisions, merged from all that a
 //! ray meets.
 //!
-//! Overlapping media are independent Poisson processes: their tentative collisions are taken in
-//! order along the ray, transmittances multiply. A ray that meets one medium walks it as the
-//! kernels of one grid do.
+//! Overlapping media are independent Poisson processes: transmittances multiply, and the nearest of
+//! all real collisions ends a flight. Where a collision is real for all channels or for none, each
+//! medium is walked by itself as the kernels of one grid do, no further than the nearest real
+//! collision of those before it. Where channels share collisions and differ, what one medium's
+//! collision is taken for depends on those before, and the tentative collisions of all media are
+//! taken in order along the ray.
 //!
 //! Media with a transmittance function that is not exponential are entries of the list like any
 //! other. Those functions have a memory: a flight is one piece from where it starts to the next
@@ -205,14 +208,30 @@ impl<'a, C: ChannelMode> Merged<'a, C> {
         (rng, tally): (&mut R, &mut Tally),
     ) -> (bool, Option<Collision>) {
         let ray = segment.ray;
-        let meet = |&number: &u32| {
+        let mut entries = Entries::<'a>::new();
+        for &number in met {
             let number = number as usize;
-            Entry::new(number, &self.media[number], ray, segment.t_max)
+            if let Some(entry) = Entry::new(number, &self.media[number], ray, segment.t_max) {
+                entries.push(entry);
+            }
+        }
+        // Of media that begin at the same point the one where the ray starts is the nearest, then
+        // the densest, whatever order the index found them in: it stops most flights, and the
+        // others are walked no further.
+        let rank = |entry: &Entry<'_>| {
+            let number = entry.medium();
+            (segment.start != Some(number), self.index.ranks[number])
         };
-        let mut entries: Entries<'a> = met.iter().filter_map(meet).collect();
-        // Media that begin at the same point are told apart by their number, whatever order the
-        // index found them in.
-        entries.sort_unstable_by(|a, b| b.t().total_cmp(&a.t()).then(b.medium().cmp(&a.medium())));
+        let farther_first = |a: &Entry<'_>, b: &Entry<'_>| {
+            b.t().total_cmp(&a.t()).then_with(|| rank(b).cmp(&rank(a)))
+        };
+        if let [a, b] = entries.as_mut_slice() {
+            if farther_first(a, b).is_gt() {
+                std::mem::swap(a, b);
+            }
+        } else {
+            entries.sort_unstable_by(farther_first);
+        }
         if !self.tracks {
             let nearest = self.fly_each(segment, entries, first, flight, (rng, tally));
             return (false, nearest);
@@ -222,6 +241,22 @@ impl<'a, C: ChannelMode> Merged<'a, C> {
             (entries, nearest) = self.fly_own(segment, entries, flight, (rng, tally));
         }
         let t_max = nearest.map_or(segment.t_max, |nearest| nearest.t);
+        if C::GREY {
+            let mut ended = false;
+            while let Some(mut entry) = entries.pop() {
+                if let Some(t) = flight.t_end() {
+                    // All others begin behind as well.
+                    let Some(before) = entry.before(t) else { break };
+                    entry = before;
+                }
+                let weighted = self.weighs(&self.media[entry.medium()], ray, t_max);
+                let found = self.fly_through(&entry, weighted, flight, first.take(), (rng, tally));
+                // One flight ends in one collision.
+                tally.collisions -= u64::from(ended && found);
+                ended |= found;
+            }
+            return (ended, nearest);
+        }
         // One after the other, as long as none overlaps the next.
         while let Some(entry) = entries.pop() {
             if entries.last().is_some_and(|next| next.t() < entry.t_exit()) {
@@ -236,14 +271,18 @@ impl<'a, C: ChannelMode> Merged<'a, C> {
         if entries.is_empty() {
             return (false, nearest);
         }
-        let ahead = entries.into_iter().filter_map(|entry| {
+        let mut ahead = SmallVec::new();
+        for entry in entries {
             let ratio = entry.ratio();
             let share = self.channels.share(flight, ratio);
-            let weighted = self.weighs(&self.media[entry.medium()], ray, t_max);
-            (share > 0.0).then(|| Ahead { entry, share, ratio: ratio / share, weighted })
-        });
+            if share > 0.0 {
+                let weighted = self.weighs(&self.media[entry.medium()], ray, t_max);
+                ahead.push(Ahead { entry, share, ratio: ratio / share, weighted });
+            }
+        }
         let (depth, decision) = first.map_or((None, None), |[depth, u]| (Some(depth), Some(u)));
-        let collisions = ManyMedia::new(ahead.collect(), depth);
+        let mut walkers = SmallVec::new();
+        let collisions = ManyMedia::new(&mut ahead, &mut walkers, depth);
         (self.channels.fly(flight, collisions, decision, rng, tally), nearest)
     }
 
@@ -288,7 +327,7 @@ impl<'a, C: ChannelMode> Merged<'a, C> {
         }
         if let Some(Collision { t, .. }) = nearest {
             // What lies behind does not concern this flight.
-            let clipped = walked.into_iter().filter_map(|entry| entry.clipped(ray, t));
+            let clipped = walked.into_iter().filter_map(|entry| entry.before(t));
             walked = clipped.collect();
         }
         (walked, nearest)
@@ -372,7 +411,7 @@ impl<'a, C: ChannelMode> Merged<'a, C> {
 
     /// Light sampling takes these transmittances in closed form; path sampling had to survive them.
     #[inline(never)]
-    fn count_closed_forms(&self, met: &MetMedia, ray: &Ray, t_max: f64, flight: &mut C::Flight) {
+    fn count_closed_forms(&self, met: &[u32], ray: &Ray, t_max: f64, flight: &mut C::Flight) {
         for &index in met {
             if let Some(transmittance) = closed_form(&self.media[index as usize], ray, t_max) {
                 flight.count_nulls(transmittance);
@@ -587,10 +626,11 @@ impl<'a, C: ChannelMode> Media for Merged<'a, C> {
             }
             _ => {}
         }
-        let met = self.index.along(segment.ray, segment.t_max);
-        let (ended, own) = self.fly_past(segment, &met, first, &mut flight, (rng, tally));
+        let mut found = MetMedia::new();
+        let met = self.index.along(segment.ray, segment.t_max, &mut found);
+        let (ended, own) = self.fly_past(segment, met, first, &mut flight, (rng, tally));
         if self.index.homogeneous && !ended && own.is_none() {
-            self.count_closed_forms(&met, segment.ray, segment.t_max, &mut flight);
+            self.count_closed_forms(met, segment.ray, segment.t_max, &mut flight);
         }
         flight.end(own, decoupled)
     }
@@ -611,7 +651,8 @@ impl<'a, C: ChannelMode> Media for Merged<'a, C> {
             AtMostOne::More => {}
         }
         let mut shadow = Shadow::CLEAR;
-        for index in self.index.along(segment.ray, segment.t_max) {
+        let mut found = MetMedia::new();
+        for &index in self.index.along(segment.ray, segment.t_max, &mut found) {
             let number = index as usize;
             let found = self.shadow(number, &segment, threshold, beta, (rng, tally));
             shadow.transmittance *= found.transmittance;
@@ -648,7 +689,8 @@ impl<'a, C: ChannelMode> Media for Merged<'a, C> {
 
     fn extent(&self, ray: &Ray, t_max: f64) -> Option<(f64, f64)> {
         let mut hull: Option<(f64, f64)> = None;
-        for index in self.index.along(ray, t_max) {
+        let mut found = MetMedia::new();
+        for &index in self.index.along(ray, t_max, &mut found) {
             let medium = &self.media[index as usize];
             if let Some(span) = medium.span(ray.origin, ray.direction, t_max) {
                 let (t0, t1) = span.extent();

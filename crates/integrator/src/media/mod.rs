@@ -14,7 +14,7 @@ mod no_media;
 mod one_grid;
 mod walks;
 
-pub(crate) use index::MediaIndex;
+pub(crate) use index::{MediaIndex, MetMedia};
 pub(crate) use merged::Merged;
 pub(crate) use no_media::NoMedia;
 pub(crate) use one_grid::{AnyPhase, IsotropicOrHenyeyGreenstein, OneGrid, PhaseAxis};
@@ -67,8 +67,9 @@ pub(crate) struct FlightEnd<N> {
     pub(crate) before: Vec3,
     /// Path throughput at the end, without the albedo there.
     pub(crate) beta: Vec3,
-    /// Probability of all null decisions since the flight began: the density of the same walk under
-    /// light sampling, over its density under path sampling, is one over this.
+    /// Probability of all null decisions since the flight began, of one without a collision: the
+    /// density of the same walk under light sampling, over its density under path sampling, is one
+    /// over this. After a collision nobody asks.
     pub(crate) null_probability: N,
     /// The collision; none: they got to the segment's end.
     pub(crate) collision: Option<Collision>,

@@ -11,7 +11,7 @@ use crate::counters::Counters;
 use crate::dispatch::{Job, Parts, PlannedMedia};
 use crate::error::{Error, Parameter, Remedy};
 use crate::kernel::{Kernel, Recorder, World};
-use crate::media::{Media, MediaIndex, Ray};
+use crate::media::{Media, MediaIndex, MetMedia, Ray};
 use crate::renderer::Renderer;
 use crate::sampler::PathSampler;
 use glam::{DVec3, Vec3};
@@ -166,7 +166,8 @@ impl RecordedRays {
     fn cost_on(&self, planned: &PlannedMedia) -> StructureCost {
         let of_ray = |(number, ray): (usize, &RecordedRay)| {
             let RecordedRay { origin, direction, .. } = *ray;
-            let met = planned.index.along(&Ray { origin, direction }, ray.length);
+            let mut found = MetMedia::new();
+            let met = planned.index.along(&Ray { origin, direction }, ray.length, &mut found);
             let walk = |i: u32| walk(&planned.media[i as usize], ray, number as u64);
             met.iter().fold((0.0, 0.0), |sum, &i| add(sum, walk(i)))
         };

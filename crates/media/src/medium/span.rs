@@ -18,6 +18,14 @@ pub struct Span {
 }
 
 impl Span {
+    /// The part before a world distance from the ray's origin; `None` if it begins behind.
+    #[inline]
+    pub fn before(self, t_max: f64) -> Option<Span> {
+        let length = (t_max - self.t_enter).min(self.line.length);
+        let line = Line { length, ..self.line };
+        (length > 0.0).then_some(Span { length: length as f32, line, ..self })
+    }
+
     /// World distance from the ray's origin to the end of the span.
     #[inline(always)]
     pub fn t_exit(&self) -> f64 {

@@ -61,6 +61,9 @@ pub(crate) trait FlightUnderWay {
     /// Its throughput, zero for channels that have ended.
     fn throughput(&self) -> Vec3;
 
+    /// Distance at which the last channel has ended in a collision; `None` if any is under way.
+    fn t_end(&self) -> Option<f64>;
+
     /// Multiplies the throughput by the weight of a flight of its own through one medium.
     fn weigh(&mut self, weight: Vec3);
 
@@ -99,6 +102,11 @@ impl FlightUnderWay for CoupledFlight {
     #[inline(always)]
     fn throughput(&self) -> Vec3 {
         self.beta
+    }
+
+    #[inline(always)]
+    fn t_end(&self) -> Option<f64> {
+        self.collision.map(|collision| collision.t)
     }
 
     #[inline(always)]

@@ -77,6 +77,14 @@ impl FlightUnderWay for SplitFlight {
     }
 
     #[inline(always)]
+    fn t_end(&self) -> Option<f64> {
+        if self.under_way != Vec3::ZERO {
+            return None;
+        }
+        self.ended.last().and_then(|end| end.collision).map(|collision| collision.t)
+    }
+
+    #[inline(always)]
     fn weigh(&mut self, weight: Vec3) {
         self.beta *= weight;
     }
