@@ -348,15 +348,16 @@ fn shadow_rays_and_paths_agree_with_paths_alone() {
     }
 }
 
+/// A volume in parts of one place is the whole: grey parts are walked one after the other, parts
+/// with channels collision by collision.
 #[test]
-fn two_halves_make_a_whole() {
-    let build = |parts: u32| {
-        let media = (0..parts)
-            .map(|_| {
-                let sigma_t = [120.0 / parts as f32; 3];
-                asset_medium("syn_plume.vdb", sigma_t, [0.9, 0.8, 0.7], hg(0.4))
-            })
-            .collect::<Vec<_>>();
+fn parts_make_a_whole() {
+    let build = |sigma_t: [f32; 3], shares: &[f32]| {
+        let part = |share: &f32| {
+            let sigma_t = sigma_t.map(|channel| share * channel);
+            asset_medium("syn_plume.vdb", sigma_t, [0.9, 0.8, 0.7], hg(0.4))
+        };
+        let media: Vec<Medium> = shares.iter().map(part).collect();
         let Bounds3 { low, high } = media[0].bounds_world().unwrap();
         let middle = 0.5 * (low + high);
         let mut scene = scene(media, middle + DVec3::new(2.0, 1.0, 3.0), middle, 14.0);
@@ -364,15 +365,42 @@ fn two_halves_make_a_whole() {
         scene.environment.constant = Vec3::splat(0.3);
         scene
     };
-    let whole = rendered(&build(1), &settings(128, 1));
-    for parts in [2, 3] {
-        assert_same(
-            &format!("{parts} parts"),
-            &whole,
-            &rendered(&build(parts), &settings(128, 2)),
-            7.3e-4,
-        );
+    let parts: [(_, &[&[f32]], _, _); 2] = [
+        ([120.0; 3], &[&[0.3, 0.7], &[1.0 / 3.0; 3]], 128, 7.3e-4),
+        ([120.0, 60.0, 20.0], &[&[0.3, 0.7]], 32, 2e-3),
+    ];
+    for (sigma_t, shares, spp, power) in parts {
+        let whole = rendered(&build(sigma_t, &[1.0]), &settings(spp, 1));
+        for shares in shares {
+            let parts = rendered(&build(sigma_t, shares), &settings(spp, 2));
+            assert_same(&format!("{sigma_t:?} by {shares:?}"), &whole, &parts, power);
+        }
     }
+}
+
+/// Grey media of which each overlaps a part of the others: a flight walks one after the other and
+/// no further than the nearest collision so far. Null hypothesis: the picture by exact depths, of
+/// which all media's are asked for every flight. The sun is met by shadow rays and by paths, so
+/// that what flights know of the way counts.
+#[test]
+fn flights_end_at_the_nearest_collision_of_media_that_overlap() {
+    let media = || {
+        vec![
+            lumpy_grid(1.0, [0.8; 3], [0.95, 0.8, 0.6], hg(0.2)),
+            lumpy_grid(0.5, [6.0; 3], [0.6, 0.8, 0.95], hg(0.7)),
+            cube_homogeneous(0.8, [0.3; 3], [0.9; 3], hg(-0.3)),
+        ]
+    };
+    let mut scene = scene(media(), EYE, DVec3::ZERO, 26.0);
+    scene.lights.push(sun(Vec3::new(0.5, 0.8, 0.3), Vec3::splat(3.0), 40.0));
+    scene.environment.constant = Vec3::splat(0.2);
+    let exact = RenderSettings {
+        distance: Some(DistanceSampler::Regular),
+        transmittance: Some(Estimator::Regular),
+        ..settings(64, 32)
+    };
+    let (race, exact) = (rendered(&scene, &settings(96, 31)), rendered(&scene, &exact));
+    assert_same("three media", &race, &exact, 1e-3);
 }
 
 /// Per-channel extinction renders what three grey renders do, one per channel.

@@ -315,19 +315,34 @@ impl Film {
     ) -> Image {
         let per_pixel = self.layers.sums();
         let mut planes: Vec<(&str, Vec<f32>)> = Vec::new();
+        let mut parts = Vec::new();
         for (layer, first, names) in layers {
-            let start = planes.len();
-            let empty = names.iter().map(|name| (*name, Vec::with_capacity(self.pixels.len())));
-            planes.extend(empty);
-            let mut values = vec![0.0; layer.channels.len()];
-            for (i, pixel) in self.pixels.iter().enumerate() {
-                let sums = self.sums.get(i * per_pixel + first..(i + 1) * per_pixel);
-                reconstruct(layer, pixel, sums.unwrap_or(&[]), &mut values);
-                for ((_, plane), value) in planes[start..].iter_mut().zip(&values) {
-                    plane.push(*value);
+            parts.push((layer, first, planes.len()..planes.len() + layer.channels.len()));
+            planes.extend(names.iter().map(|name| (*name, vec![0.0; self.pixels.len()])));
+        }
+        let pixels_of_a_band = self.crop.width as usize * ROWS_OF_A_BAND;
+        let mut rest: Vec<&mut [f32]> =
+            planes.iter_mut().map(|(_, plane)| plane.as_mut_slice()).collect();
+        let mut bands = Vec::new();
+        for (band, pixels) in self.pixels.chunks(pixels_of_a_band).enumerate() {
+            let own: Vec<&mut [f32]> =
+                rest.iter_mut().map(|plane| first_part(plane, pixels.len())).collect();
+            bands.push((band * pixels_of_a_band, pixels, own));
+        }
+        // Pixels are large: each is taken into the cache once for all layers.
+        bands.into_par_iter().for_each(|(start, pixels, mut own)| {
+            let mut values = vec![0.0; own.len()];
+            for (i, pixel) in pixels.iter().enumerate() {
+                for (layer, first, channels) in &parts {
+                    let sums = (start + i) * per_pixel;
+                    let sums = self.sums.get(sums + first..sums + per_pixel);
+                    reconstruct(layer, pixel, sums.unwrap_or(&[]), &mut values[channels.clone()]);
+                }
+                for (plane, value) in own.iter_mut().zip(&values) {
+                    plane[i] = *value;
                 }
             }
-        }
+        });
         let Crop { x0, y0, width, height } = self.crop;
         let [full_width, full_height] = self.resolution;
         Image::of_film(
@@ -369,6 +384,13 @@ impl Film {
         (column < u64::from(self.crop.width) && row < u64::from(self.crop.height))
             .then(|| row as usize * self.crop.width as usize + column as usize)
     }
+}
+
+/// Takes the first part of a slice off.
+fn first_part<'a>(slice: &mut &'a mut [f32], length: usize) -> &'a mut [f32] {
+    let (own, rest) = std::mem::take(slice).split_at_mut(length);
+    *slice = rest;
+    own
 }
 
 /// Rows of the film that one thread adds to.

@@ -161,7 +161,9 @@ impl PixelMoments {
     /// Mean of one channel of R, G, B and alpha.
     pub(crate) fn mean_of(&self, channel: usize) -> f64 {
         let n = f64::from(self.count().max(1));
-        let sum: i128 = (0..REPLICATES).map(|replicate| self.sum(replicate, channel)).sum();
+        // Below 2^62: see `MAX_SAMPLES_OF_REPLICATE` and `MAX_ADDED`.
+        let over = |bins: &[[i64; 4]; REPLICATES]| -> i64 { bins.iter().map(|r| r[channel]).sum() };
+        let sum = joined([over(&self.high), over(&self.low)]);
         to_f64(sum) * lower_step(self.window[channel]) / n
     }
 

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use ::image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use ::image::{ExtendedColorType, ImageEncoder};
+use rayon::prelude::*;
 
 use crate::atomic::write_atomically;
 use crate::error::Error;
@@ -30,10 +31,13 @@ pub fn preview_rgb8(image: &Image, tone: &ToneMap) -> Result<Vec<u8>, Error> {
             "rename the channels to show to R, G and B, or Y",
         ));
     };
-    let mut bytes = Vec::with_capacity(3 * image.pixel_count());
-    for ((&r, &g), &b) in r.iter().zip(g).zip(b) {
-        bytes.extend_from_slice(&tone.apply_rgb8([r, g, b]));
-    }
+    let mut bytes = vec![0; 3 * image.pixel_count()];
+    let colors = (r.par_iter(), g.par_iter(), b.par_iter()).into_par_iter();
+    bytes.par_chunks_exact_mut(3).zip(colors).with_min_len(1024).for_each(
+        |(bytes, (&r, &g, &b))| {
+            bytes.copy_from_slice(&tone.apply_rgb8([r, g, b]));
+        },
+    );
     Ok(bytes)
 }
 

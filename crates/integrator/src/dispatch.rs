@@ -105,7 +105,7 @@ impl<'a> Parts<'a> {
         self.with_coupled_kernel(job)
     }
 
-    /// As [`Parts::with_general_kernel`], of channels that do not decouple.
+    /// Runs a job with the kernel that every scene can run, of channels that do not decouple.
     pub(crate) fn with_coupled_kernel<J: Job>(&self, job: &mut J) -> J::Output {
         let emissive_volumes = self.emissive_volumes();
         let world = self.volumes_and_surfaces(&emissive_volumes);

@@ -13,7 +13,7 @@ pub static BEAUTY: Layer = Layer {
 };
 
 fn radiance(pixel: &PixelMoments, values: &mut [f32]) {
-    for (value, mean) in values.iter_mut().zip(pixel.mean()) {
-        *value = mean as f32;
+    for (channel, value) in values.iter_mut().enumerate() {
+        *value = pixel.mean_of(channel) as f32;
     }
 }

@@ -8,12 +8,12 @@ use super::recorder::{DirectLight, Recorder};
 use super::world::{World, luminance};
 use crate::lights::{EmissionMixture, LightSample};
 use crate::media::channels::ChannelMode;
-use crate::media::{Media, Ray, RaySegment, StartCorrelation};
+use crate::media::{Media, Ray, RaySegment, Shadow, StartCorrelation};
 use crate::sampler::PathSampler;
 use glam::{DVec3, Vec3};
-use pileus_media::Spectrum;
 use pileus_media::phase::ISOTROPIC;
 use pileus_media::random::{happens, uniform};
+use pileus_media::{Spectrum, Tally};
 
 /// A shadow ray is certain if the lights' importance times the throughput is at least this; below
 /// it undergoes Russian roulette. Importance one is what isotropic scattering gives.
@@ -33,6 +33,18 @@ struct Way {
     attenuation: Vec3,
     /// Where it goes straight through surfaces, if it does.
     passage: Option<Passage>,
+}
+
+/// [`Media::transmittance`], compiled once for all that asks seldom enough.
+#[inline(never)]
+pub(super) fn shadow<M: Media>(
+    media: &M,
+    (segment, threshold): (RaySegment<'_>, f32),
+    beta: Vec3,
+    sampler: &mut PathSampler,
+    tally: &mut Tally,
+) -> Shadow {
+    media.transmittance(segment, threshold, beta, sampler, tally)
 }
 
 impl<M: Media, W: World> Kernel<'_, M, W> {
@@ -104,7 +116,11 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
             Some(passage) if self.media.starts_matter() => {
                 passage.transmittance(&self.media, (segment, threshold), behind, sampler, tally)
             }
-            _ => self.media.transmittance(segment, threshold, behind, sampler, tally),
+            // Most shadow rays of most scenes.
+            _ if V::IN_MEDIUM => {
+                self.media.transmittance(segment, threshold, behind, sampler, tally)
+            }
+            _ => shadow(&self.media, (segment, threshold), behind, sampler, tally),
         };
         if V::IN_MEDIUM {
             recorder.direct_light(DirectLight {

@@ -1,10 +1,11 @@
 //! Light of emissive volumes along a flight.
 
+use super::Kernel;
+use super::direct::{SHADOW_ROULETTE, shadow};
 use super::interior::{self, MediumStack};
 use super::path::Tracing;
 use super::recorder::Recorder;
 use super::world::{World, luminance};
-use super::{Kernel, direct::SHADOW_ROULETTE};
 use crate::media::{Media, RaySegment};
 use glam::Vec3;
 use pileus_media::random::uniform;
@@ -56,9 +57,9 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
             });
         }
         if let Some((t, light)) = chosen {
-            let segment = RaySegment { t_max: t, ..segment };
+            let segment = (RaySegment { t_max: t, ..segment }, SHADOW_ROULETTE);
             recorder.shadow_ray(ray, t, SHADOW_ROULETTE);
-            let shadow = self.media.transmittance(segment, SHADOW_ROULETTE, beta, *sampler, tally);
+            let shadow = shadow(&self.media, segment, beta, sampler, tally);
             let interior = interiors.last().map_or(Vec3::ONE, |i| interior::transmittance(i, t));
             found += light * total * shadow.transmittance * interior;
         }

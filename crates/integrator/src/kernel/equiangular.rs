@@ -2,7 +2,7 @@
 //! a density that stands for theirs.
 
 use super::Kernel;
-use super::direct::SHADOW_ROULETTE;
+use super::direct::{SHADOW_ROULETTE, shadow};
 use super::path::{Path, Tracing};
 use super::recorder::Recorder;
 use super::world::World;
@@ -121,9 +121,8 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         // where rays start does not matter.
         let mut transmittance = |ray: &Ray, t_max| {
             recorder.shadow_ray(ray, t_max, SHADOW_ROULETTE);
-            let segment = RaySegment { ray, start: None, t_max };
-            let shadow = self.media.transmittance(segment, SHADOW_ROULETTE, beta, sampler, tally);
-            shadow.transmittance
+            let segment = (RaySegment { ray, start: None, t_max }, SHADOW_ROULETTE);
+            shadow(&self.media, segment, beta, sampler, tally).transmittance
         };
         let there = transmittance(ray, t);
         if there == Vec3::ZERO {

@@ -490,7 +490,7 @@ impl<'a, C: ChannelMode> Merged<'a, C> {
         self.methods.transmittance == Estimator::Ratio
     }
 
-    /// As [`Merged::shadow`], of a medium that is no grid, or by another estimator than ratio
+    /// What a shadow ray finds of a medium that is no grid, or by another estimator than ratio
     /// tracking.
     #[inline(never)]
     fn shadow_of_other<R: Rng + Clone>(
