@@ -1,5 +1,4 @@
-//! A list of media, overlapping or not: one process of tentative collisions, merged from all that a
-//! ray meets.
+//! A list of media, overlapping or not: the nearest real collision of all that a ray meets.
 //!
 //! Overlapping media are independent Poisson processes: transmittances multiply, and the nearest of
 //! all real collisions ends a flight. Where a collision is real for all channels or for none, each
@@ -242,6 +241,8 @@ impl<'a, C: ChannelMode> Merged<'a, C> {
         }
         let t_max = nearest.map_or(segment.t_max, |nearest| nearest.t);
         if C::GREY {
+            // Null decisions are asked for only where nothing has collided, and then each medium
+            // was walked to its end.
             let mut ended = false;
             while let Some(mut entry) = entries.pop() {
                 if let Some(t) = flight.t_end() {
