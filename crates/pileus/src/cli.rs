@@ -234,7 +234,7 @@ pub struct InputOptions {
     /// OpenVDB only: the axis that points up in the file.
     #[arg(long, value_name = "AXIS", value_parser = by_name::<UpAxis>())]
     pub up_axis: Option<UpAxis>,
-    /// The camera of the scene to use, by the name of its node.
+    /// The camera of the scene to use, by the name of its node; it takes the lens of the job's.
     #[arg(long, value_name = "NAME")]
     pub camera: Option<String>,
 }

@@ -24,7 +24,7 @@ use pileus_integrator::RenderSettings;
 use pileus_scene::uri::{resolve_path, with_frame};
 use pileus_scene::volume::DefaultScale;
 use pileus_scene::volume_spec::VolumeSpec;
-use pileus_scene::{CameraRequest, GlassRule, Loaded, Place};
+use pileus_scene::{CameraRequest, GlassRule, LensRequest, Loaded, Place};
 
 use crate::failure::Failure;
 use crate::input::Input;
@@ -47,6 +47,7 @@ pub struct Settings {
     glass_rule: GlassRule,
     volumes: Vec<VolumeSpec>,
     camera: CameraRequest,
+    lens: Option<LensRequest>,
     lights: JobLights,
     resolution: Option<[u32; 2]>,
     default_scale: DefaultScale,
@@ -90,6 +91,7 @@ impl Settings {
             glass_rule: gltf.glass().0,
             volumes: volumes.collect(),
             camera: camera::resolve(job.camera.as_ref(), &places),
+            lens: camera::lens(job.camera.as_ref(), &places),
             lights: JobLights::resolve(&job, &base, &places)?,
             resolution: film::resolution(&film, &places)?,
             default_scale,

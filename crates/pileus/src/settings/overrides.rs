@@ -17,7 +17,7 @@ pub struct Overrides {
     pub seed: Option<u64>,
     /// Width and height of the full image, pixels.
     pub resolution: Option<[u32; 2]>,
-    /// Name of a camera of the scene.
+    /// Name of a camera of the scene, which takes the place of the job's; the job's lens stays.
     pub camera: Option<String>,
     /// Write no preview.
     pub no_preview: bool,
@@ -38,7 +38,19 @@ impl Overrides {
             sampling.seed = self.seed.or(sampling.seed);
         }
         if self.camera.is_some() {
-            job.camera = Some(CameraSpec { node: self.camera.clone(), ..CameraSpec::default() });
+            let told = job.camera.take().unwrap_or_default();
+            // A glTF camera has no lens of its own: it takes the job's, and what that was focused
+            // on stays sharp.
+            let looked_at =
+                told.look_at.filter(|_| told.aperture() > 0.0 && told.focus_distance.is_none());
+            job.camera = Some(CameraSpec {
+                node: self.camera.clone(),
+                aperture: told.aperture,
+                focus_distance: told.focus_distance,
+                focus_on: told.focus_on.or(looked_at),
+                blades: told.blades,
+                ..CameraSpec::default()
+            });
         }
         if self.resolution.is_some() {
             job.film.get_or_insert_default().resolution = self.resolution;
