@@ -8,7 +8,7 @@ use glam::{DAffine3, DVec3};
 use pileus_math::Bounds3;
 use pileus_media::emission::EmissionField;
 
-use crate::camera::{Camera, Lens, Projection};
+use crate::camera::{Camera, Lens, Orbit, Projection};
 use crate::error::{Error, Place};
 use crate::gltf::{self, GltfCamera, GltfScene, GltfSurfaces};
 use crate::light::environment::Environment;
@@ -69,11 +69,15 @@ pub enum CameraRequest {
     Auto {
         /// Vertical opening angle in degrees of a camera that frames volumes and surfaces.
         fov_y_degrees: f64,
+        /// From where it frames them, whatever cameras there are.
+        orbit: Option<Orbit>,
     },
     /// An orthographic camera that frames volumes and surfaces, whatever cameras there are.
     FramedOrthographic {
         /// Height of the view in scene units; `None`: all that there is fits.
         height: Option<f64>,
+        /// From where it frames them.
+        orbit: Option<Orbit>,
     },
     /// The camera of a glTF node.
     Node {
@@ -184,7 +188,7 @@ impl Scene {
         };
         let mut hints = std::mem::take(&mut loader.hints);
         let cameras = file.as_ref().map_or(0, |file| file.cameras.len());
-        if cameras > 1 && matches!(request.camera, CameraRequest::Auto { .. }) {
+        if cameras > 1 && matches!(request.camera, CameraRequest::Auto { orbit: None, .. }) {
             hints.push(Hint::OtherCamera);
         }
         match lost {
@@ -397,19 +401,21 @@ fn choose_camera(
             };
             gltf_camera(camera, request, place).map(|camera| (camera, None))
         }
-        CameraRequest::Auto { fov_y_degrees } => {
-            if let (false, Some((path, _))) = (cameras.is_empty(), &request.gltf) {
+        CameraRequest::Auto { fov_y_degrees, orbit } => {
+            if let (false, Some((path, _)), None) = (cameras.is_empty(), &request.gltf, orbit) {
                 return first_camera(cameras, request, path)
                     .map(|(camera, note)| (camera, Some(note)));
             }
             let Balls { centres, radius } = balls_to_frame(request, volumes, surfaces)?;
-            let camera = Camera::framing_balls(centres, radius, *fov_y_degrees, resolution)?;
+            let camera =
+                Camera::framing_balls(centres, radius, *orbit, *fov_y_degrees, resolution)?;
             let framed = what_is_framed(volumes, surfaces);
             Ok((camera, Some(format!("no camera given: {framed}"))))
         }
-        CameraRequest::FramedOrthographic { height } => {
+        CameraRequest::FramedOrthographic { height, orbit } => {
             let Balls { centres, radius } = balls_to_frame(request, volumes, surfaces)?;
-            let camera = Camera::framing_balls_orthographic(centres, radius, *height, resolution)?;
+            let camera =
+                Camera::framing_balls_orthographic(centres, radius, *orbit, *height, resolution)?;
             let framed = what_is_framed(volumes, surfaces);
             Ok((camera, Some(format!("no place given for the camera: {framed}"))))
         }

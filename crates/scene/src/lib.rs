@@ -17,7 +17,7 @@ pub mod volume;
 
 pub use assemble::{CameraRequest, Focus, LensRequest, Loaded, Scene, SceneRequest};
 pub use bsdf::{Bsdf, BsdfSample};
-pub use camera::{Camera, Lens, Projection};
+pub use camera::{Camera, Lens, Orbit, Projection};
 pub use error::{Error, Place};
 pub use light::environment::{EnvSample, Environment, EnvironmentImage};
 pub use light::punctual::*;

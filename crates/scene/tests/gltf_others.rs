@@ -149,7 +149,7 @@ fn load(path: &Path, camera: CameraRequest) -> Result<Loaded, Error> {
     })
 }
 
-const AUTO: CameraRequest = CameraRequest::Auto { fov_y_degrees: 35.0 };
+const AUTO: CameraRequest = CameraRequest::Auto { fov_y_degrees: 35.0, orbit: None };
 
 /// A folder with a glTF file in it.
 fn folder_of(file: &Value) -> (tempfile::TempDir, PathBuf) {

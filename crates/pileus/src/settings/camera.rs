@@ -1,14 +1,19 @@
 //! Which camera is asked for, and with which lens.
 
 use glam::DVec3;
-use pileus_scene::{CameraRequest, Focus, LensRequest, Projection};
+use pileus_scene::{CameraRequest, Focus, LensRequest, Orbit, Projection};
 
 use super::places::Places;
 use crate::job::{CameraKind, CameraSpec};
 
 /// The camera that a job asks for. How it is placed the schema has checked: by a node, by a
-/// position and a target, or not at all; and which keys its type has.
-pub(super) fn resolve(spec: Option<&CameraSpec>, places: &Places) -> CameraRequest {
+/// position and a target, or not at all; and which keys its type has. `orbit`: from where one that
+/// has no place frames what there is.
+pub(super) fn resolve(
+    spec: Option<&CameraSpec>,
+    orbit: Option<Orbit>,
+    places: &Places,
+) -> CameraRequest {
     let default = CameraSpec::default();
     let spec = spec.unwrap_or(&default);
     match (&spec.node, spec.position, spec.look_at) {
@@ -29,9 +34,9 @@ pub(super) fn resolve(spec: Option<&CameraSpec>, places: &Places) -> CameraReque
             place: places.at("/camera"),
         },
         _ if spec.kind() == CameraKind::Orthographic => {
-            CameraRequest::FramedOrthographic { height: spec.height }
+            CameraRequest::FramedOrthographic { height: spec.height, orbit }
         }
-        _ => CameraRequest::Auto { fov_y_degrees: spec.fov_y() },
+        _ => CameraRequest::Auto { fov_y_degrees: spec.fov_y(), orbit },
     }
 }
 

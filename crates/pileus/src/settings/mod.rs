@@ -13,7 +13,7 @@ mod sampling;
 
 pub(crate) use outputs::layers_beside;
 pub use outputs::{LayersTo, Outputs};
-pub use overrides::Overrides;
+pub use overrides::{Overrides, SunPosition};
 pub(crate) use record::job_hash;
 
 use std::convert::Infallible;
@@ -68,7 +68,7 @@ impl Settings {
             None => Places::File(path.clone()),
         };
         places.hold_against_schema()?;
-        let job = overrides.applied_to(job);
+        let job = overrides.applied_to(job, &base)?;
         let film = job.film.clone().unwrap_or_default();
         let gltf = job.gltf.clone().unwrap_or_default();
         let volumes = job.volumes.iter().flatten().map(|spec| {
@@ -90,7 +90,7 @@ impl Settings {
                 .map(|name| (resolve_path(&base, name), gltf.lumens_per_watt())),
             glass_rule: gltf.glass().0,
             volumes: volumes.collect(),
-            camera: camera::resolve(job.camera.as_ref(), &places),
+            camera: camera::resolve(job.camera.as_ref(), overrides.orbit, &places),
             lens: camera::lens(job.camera.as_ref(), &places),
             lights: JobLights::resolve(&job, &base, &places)?,
             resolution: film::resolution(&film, &places)?,

@@ -17,6 +17,7 @@ mod outputs;
 mod probe;
 mod reference;
 mod terminal;
+mod wishes;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};

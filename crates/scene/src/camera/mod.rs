@@ -13,6 +13,7 @@ use pileus_math::Bounds3;
 
 use crate::error::{Error, Place};
 
+pub use framing::Orbit;
 pub use lens::Lens;
 pub use projection::Projection;
 
