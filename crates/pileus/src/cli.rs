@@ -326,6 +326,9 @@ pub struct RenderOptions {
     /// Seed instead of the job's.
     #[arg(long, value_name = "N", help = instead("SamplingSpec", "seed"))]
     pub seed: Option<u64>,
+    /// The part of the image to render instead of the job's, pixels.
+    #[arg(long, value_name = "LEFT,TOP,WIDTH,HEIGHT", help = instead("FilmSpec", "crop"), value_parser = parse_crop)]
+    pub crop: Option<[u32; 4]>,
     /// Width and height instead of the job's, pixels.
     #[arg(long, value_name = "WxH", help = instead("FilmSpec", "resolution"), value_parser = parse_resolution)]
     pub resolution: Option<[u32; 2]>,
@@ -416,6 +419,14 @@ fn parse_resolution(text: &str) -> Result<[u32; 2], String> {
         })
 }
 
+fn parse_crop(text: &str) -> Result<[u32; 4], String> {
+    let numbers: Option<Vec<u32>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
+    numbers
+        .and_then(|numbers| <[u32; 4]>::try_from(numbers).ok())
+        .filter(|[.., width, height]| *width > 0 && *height > 0)
+        .ok_or_else(|| "give left, top, width and height in pixels like 120,60,64,64".into())
+}
+
 impl RenderOptions {
     pub(crate) fn overrides(&self) -> Overrides {
         Overrides {
@@ -424,6 +435,7 @@ impl RenderOptions {
             spp: self.spp,
             seed: self.seed,
             resolution: self.resolution,
+            crop: self.crop,
             camera: None,
             orbit: self.camera_orbit,
             sun: self.sun,

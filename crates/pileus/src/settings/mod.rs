@@ -82,7 +82,7 @@ impl Settings {
         });
         Ok(Self {
             render: sampling::resolve(&job, film::filter(&film, &places)?, &places)?,
-            crop: film::crop(&film, &places)?,
+            crop: film::crop(&film, overrides.crop.is_some(), &places)?,
             outputs: Outputs::resolve(&job, overrides, &path, &base)?,
             gltf: job
                 .scene

@@ -40,6 +40,8 @@ pub struct Overrides {
     pub seed: Option<u64>,
     /// Width and height of the full image, pixels.
     pub resolution: Option<[u32; 2]>,
+    /// The window that is rendered: left, top, width and height, pixels.
+    pub crop: Option<[u32; 4]>,
     /// Name of a camera of the scene, which takes the place of the job's; the job's lens stays.
     pub camera: Option<String>,
     /// From where the camera looks.
@@ -75,8 +77,10 @@ impl Overrides {
             sampling.spp = self.spp.or(sampling.spp);
             sampling.seed = self.seed.or(sampling.seed);
         }
-        if self.resolution.is_some() {
-            job.film.get_or_insert_default().resolution = self.resolution;
+        if self.resolution.is_some() || self.crop.is_some() {
+            let film = job.film.get_or_insert_default();
+            film.resolution = self.resolution.or(film.resolution);
+            film.crop = self.crop.or(film.crop);
         }
         if self.exposure.is_some() || !self.aovs.is_empty() {
             let output = job.output.get_or_insert_default();

@@ -1,6 +1,7 @@
 //! The built program with good and bad inputs.
 
 mod agreement;
+mod cameras;
 #[cfg(feature = "lab")]
 mod chart;
 mod clamped;

@@ -9,7 +9,7 @@ use crate::error::Error;
 /// through one point of the film meet in one point of the plane of focus.
 ///
 /// Only what lies in that plane is sharp. A point at depth `z` along the view axis is spread over
-/// an image of the aperture that is `aperture |z - f| / z` wide where it is, with `f` the distance
+/// an image of the aperture that is `aperture |z - f| / f` wide where it is, with `f` the distance
 /// of focus.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Lens {

@@ -16,6 +16,7 @@ use crate::error::{Error, Place};
 pub use framing::Orbit;
 pub use lens::Lens;
 pub use projection::Projection;
+use projection::{panorama_direction, panorama_point};
 
 /// A camera in world space, bound to the resolution of the full image.
 ///
@@ -148,42 +149,36 @@ impl Camera {
             let direction = self.forward + self.right * x + self.up * y;
             return (self.position, direction.normalize().as_vec3().normalize());
         }
-        self.other_ray(film, [0.0; 2])
+        self.ray_at(film, [0.0; 2])
     }
 
     /// The ray through a film point and a point of the aperture, which is uniform over its area for
     /// two canonical random numbers; without a lens that of [`Camera::ray`].
     pub fn ray_through_lens(&self, film: [f64; 2], u: [f32; 2]) -> (DVec3, Vec3) {
-        let Some(lens) = &self.lens else { return self.ray(film) };
-        let [x, y] = self.on_film(film);
-        let offset = lens.sample(u);
-        match self.projection {
-            Projection::Perspective { .. } => {
-                let origin = self.position + self.right * offset[0] + self.up * offset[1];
-                // Both rays meet at the depth of focus.
-                let [x, y] =
-                    [x - offset[0] / lens.focus_distance(), y - offset[1] / lens.focus_distance()];
-                let direction = self.forward + self.right * x + self.up * y;
-                (origin, direction.normalize().as_vec3().normalize())
-            }
-            _ => self.other_ray(film, offset),
+        match &self.lens {
+            Some(lens) => self.ray_at(film, lens.sample(u)),
+            None => self.ray(film),
         }
     }
 
-    /// The ray of a projection that is no perspective; `offset`: where it passes the aperture,
-    /// scene units right and up.
-    #[cold]
-    fn other_ray(&self, film: [f64; 2], offset: [f64; 2]) -> (DVec3, Vec3) {
+    /// The ray through a film point that passes the lens at `offset` right and up from its middle,
+    /// scene units. Out of line, so that pinholes do not pay for it.
+    #[inline(never)]
+    fn ray_at(&self, film: [f64; 2], offset: [f64; 2]) -> (DVec3, Vec3) {
         let [x, y] = self.on_film(film);
-        if self.projection == Projection::Panorama {
-            let direction = projection::panorama_direction(film, self.resolution);
-            let [right, up, forward] = direction;
-            let direction = self.right * right + self.up * up + self.forward * forward;
-            return (self.position, direction.normalize().as_vec3().normalize());
-        }
-        let origin = self.position + self.right * (x + offset[0]) + self.up * (y + offset[1]);
-        let [x, y] = offset.map(|o| self.lens.as_ref().map_or(0.0, |l| -o / l.focus_distance()));
-        let direction = self.forward + self.right * x + self.up * y;
+        // All rays of a film point meet at the depth of focus.
+        let focus = self.lens.as_ref().map_or(f64::INFINITY, Lens::focus_distance);
+        let bend = offset.map(|offset| offset / focus);
+        let (start, direction) = match self.projection {
+            Projection::Perspective { .. } => (offset, [x - bend[0], y - bend[1], 1.0]),
+            Projection::Orthographic { .. } => {
+                ([x + offset[0], y + offset[1]], [-bend[0], -bend[1], 1.0])
+            }
+            Projection::Panorama => ([0.0; 2], panorama_direction(film, self.resolution)),
+        };
+        let origin = self.position + self.right * start[0] + self.up * start[1];
+        let [right, up, forward] = direction;
+        let direction = self.right * right + self.up * up + self.forward * forward;
         (origin, direction.normalize().as_vec3().normalize())
     }
 
@@ -201,7 +196,7 @@ impl Camera {
         let offset = p_world - self.position;
         let [x, y, depth] = [self.right, self.up, self.forward].map(|axis| offset.dot(axis));
         if self.projection == Projection::Panorama {
-            return projection::panorama_point([x, y, depth], self.resolution);
+            return panorama_point([x, y, depth], self.resolution);
         }
         (depth > 0.0).then(|| {
             let [width, height] = self.resolution.map(f64::from);
@@ -255,8 +250,9 @@ impl Camera {
         self.up
     }
 
-    /// A point that it looks at and a vector that is up: [`Camera::new`] makes the same camera of
-    /// them, up to the last bit but for cameras that frame something far away.
+    /// A point that it looks at and a vector that is up: of these and its position
+    /// [`Camera::new`] makes the same camera, to the last bit but for framing cameras to whose
+    /// direction no point was found that rounds well.
     pub fn placement(&self) -> [DVec3; 2] {
         [self.look_at, self.told_up]
     }
