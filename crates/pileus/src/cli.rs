@@ -285,7 +285,7 @@ pub struct RenderOptions {
     /// From where the camera looks, degrees: clockwise seen from above (0 is at -Z, 90 at +X), and
     /// above the horizon; around what the job's camera looks at, or else around all that there is.
     /// Without a distance, in scene units, it keeps the job's, or all fits.
-    #[arg(long, value_name = "AZIMUTH,ELEVATION[,DISTANCE]", allow_hyphen_values = true, value_parser = parse_orbit)]
+    #[arg(long, value_name = "AZIMUTH,ELEVATION[,DISTANCE]", conflicts_with = "camera", allow_hyphen_values = true, value_parser = parse_orbit)]
     pub camera_orbit: Option<Orbit>,
     /// Where the sun stands, degrees, as for `--camera-orbit`: the job's, or else that of a clear
     /// sky in place of the default one, or beside the job's environment.
