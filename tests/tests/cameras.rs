@@ -1,5 +1,6 @@
 //! Cameras in whole pictures: lenses against closed forms and quadratures, orthographic cameras
 //! and panoramas against perspective ones, bodies of glass that a camera is in.
+#![allow(clippy::print_stdout, reason = "figures are worth reading beside a verdict")]
 
 use glam::{DVec3, Vec3};
 use pileus_film::{Film, Image};
@@ -168,7 +169,7 @@ fn still_life(camera: Camera) -> Scene {
     scene.lights.push(sun(Vec3::new(0.5, 0.8, 0.4), Vec3::splat(0.8), 20.0));
     let texels = (0..32 * 16).map(|i| {
         let (x, y) = ((i % 32) as f32 / 32.0, (i / 32) as f32 / 16.0);
-        [0.4 + 0.3 * (x * 6.283).sin(), 0.5, 0.7 - 0.4 * y]
+        [0.4 + 0.3 * (x * TAU as f32).sin(), 0.5, 0.7 - 0.4 * y]
     });
     let sky = EnvironmentImage::new(32, 16, texels.collect(), 1.0, 0.0).unwrap();
     scene.environment.image = Some(Arc::new(sky));
