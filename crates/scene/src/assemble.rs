@@ -125,7 +125,7 @@ pub enum Focus {
 
 impl LensRequest {
     /// The camera with this lens.
-    fn before(&self, camera: Camera) -> Result<Camera, Error> {
+    fn fitted_to(&self, camera: Camera) -> Result<Camera, Error> {
         let distance = match self.focus {
             Focus::Distance(distance) => distance,
             Focus::Point(point) => camera.depth(point),
@@ -183,7 +183,7 @@ impl Scene {
             .map_err(|error| with_hint(error, lost.as_deref()))?;
         notes.extend(note);
         let camera = match &request.lens {
-            Some(lens) => lens.before(camera)?,
+            Some(lens) => lens.fitted_to(camera)?,
             None => camera,
         };
         let mut hints = std::mem::take(&mut loader.hints);

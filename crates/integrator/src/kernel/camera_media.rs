@@ -31,10 +31,19 @@ impl CameraMedia {
     }
 
     /// Those of a ray from here.
-    #[inline]
+    #[inline(always)]
     pub(super) fn at(&self, surfaces: Option<&Surfaces>, origin: DVec3) -> MediumStack {
+        match self {
+            // Nearly all cameras: nothing is called, nothing copied.
+            CameraMedia::Same(media) if media.is_empty() => MediumStack::new(),
+            _ => self.of_ray(surfaces, origin),
+        }
+    }
+
+    #[inline(never)]
+    fn of_ray(&self, surfaces: Option<&Surfaces>, origin: DVec3) -> MediumStack {
         match (self, surfaces) {
-            (CameraMedia::Same(media), _) if !media.is_empty() => media.clone(),
+            (CameraMedia::Same(media), _) => media.clone(),
             (CameraMedia::OfEachRay(bodies), Some(surfaces)) if bodies.contains(origin) => {
                 MediumStack::around(surfaces, origin)
             }
