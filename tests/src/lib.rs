@@ -388,6 +388,7 @@ pub fn blender(name: &str, volume: &str, resolution: [u32; 2]) -> Scene {
         volumes: Vec::new(),
         volume_place: &|_, _| Place::default(),
         camera: CameraRequest::Auto { fov_y_degrees: 35.0 },
+        lens: None,
         lights: Vec::new(),
         environment: None,
         resolution: Some(resolution),

@@ -28,6 +28,7 @@ fn load(path: &Path, resolution: Option<[u32; 2]>, lumens_per_watt: f64) -> Resu
         volumes: Vec::new(),
         volume_place: &|_, _| Place::default(),
         camera: CameraRequest::Auto { fov_y_degrees: 35.0 },
+        lens: None,
         lights: Vec::new(),
         environment: None,
         resolution,
@@ -47,7 +48,7 @@ fn studio_has_its_camera_and_lights() {
     // Turned about X by 2 asin(-0.06104852...): seven degrees down.
     let seven = 7f64.to_radians();
     assert!((camera.forward() - DVec3::new(0.0, -seven.sin(), -seven.cos())).length() < 1e-6);
-    assert!((camera.fov_y_degrees() - 38.0).abs() < 1e-3);
+    assert!((camera.fov_y_degrees().unwrap() - 38.0).abs() < 1e-3);
 
     let [Light::Sun(sun), Light::Point(bulb), Light::Spot(spot)] = scene.lights.as_slice() else {
         panic!("{:?}", scene.lights);
@@ -117,7 +118,7 @@ fn fire_loads_with_its_flames() {
     let loaded = load(&path, None, 683.0).unwrap();
     let scene = loaded.scene;
     assert_eq!(scene.camera.resolution(), [640, 640]);
-    assert!((scene.camera.fov_y_degrees() - 40.0).abs() < 1e-3);
+    assert!((scene.camera.fov_y_degrees().unwrap() - 40.0).abs() < 1e-3);
     assert!((scene.camera.position() - DVec3::new(0.0, 1.7, 5.2)).length() < 1e-6);
     // No light in the file but the fire's own: no sky is added.
     assert!(!loaded.notes.iter().any(|note| note.contains("default sky")));
@@ -161,6 +162,7 @@ fn cameras_are_found_by_node() {
             volumes: Vec::new(),
             volume_place: &|_, _| Place::default(),
             camera: CameraRequest::Node { name: name.into(), place: Place::default() },
+            lens: None,
             lights: Vec::new(),
             environment: None,
             resolution: Some([100, 50]),

@@ -122,6 +122,7 @@ fn a_field_of_instanced_clouds_holds_one_grid() {
         volumes: Vec::new(),
         volume_place: &|_, _| Place::default(),
         camera: CameraRequest::Auto { fov_y_degrees: 35.0 },
+        lens: None,
         lights: Vec::new(),
         environment: None,
         resolution: Some([48, 27]),

@@ -1,7 +1,7 @@
 //! The one place where a plan turns into a compiled kernel.
 
 use crate::error::{Error, Parameter, Remedy};
-use crate::kernel::{Kernel, MediumStack, PathLimits, VolumesAndSurfaces, VolumesOnly, World};
+use crate::kernel::{CameraMedia, Kernel, PathLimits, VolumesAndSurfaces, VolumesOnly, World};
 use crate::lights::Lights;
 use crate::media::channels::{ChannelMode, Grey, Spectral, Split};
 use crate::media::{
@@ -151,8 +151,8 @@ impl<'a> Parts<'a> {
         'a: 'w,
     {
         let surfaces = self.scene.surfaces.as_deref();
-        let camera = self.scene.camera.position();
-        let camera_in = surfaces.map_or_else(MediumStack::new, |s| MediumStack::around(s, camera));
+        let margin = f64::from(self.settings.filter.radius());
+        let camera_in = CameraMedia::new(surfaces, &self.scene.camera, margin);
         VolumesAndSurfaces { surfaces, emissive_volumes, camera_in }
     }
 

@@ -1,6 +1,7 @@
 #![doc = include_str!("../README.md")]
 #![forbid(unsafe_code)]
 
+mod camera_ray;
 mod cost;
 mod counters;
 mod dispatch;

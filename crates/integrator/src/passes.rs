@@ -1,10 +1,11 @@
 //! Runs a kernel: tiles over threads, passes over samples.
 
+use crate::camera_ray::camera_ray;
 use crate::counters::Counters;
 use crate::dispatch::Job;
 use crate::error::Error;
 use crate::kernel::{Kernel, World, luminance};
-use crate::media::{Media, Ray};
+use crate::media::Media;
 use crate::sampler::PathSampler;
 use crate::settings::RenderSettings;
 use pileus_film::{Film, PixelSample, Tile};
@@ -76,8 +77,7 @@ fn trace<M: Media, W: World>(
     let offset = settings.filter.sample([u, v]);
     let film =
         [f64::from(x) + 0.5 + f64::from(offset[0]), f64::from(y) + 0.5 + f64::from(offset[1])];
-    let (origin, direction) = scene.camera.ray(film);
-    let ray = Ray { origin, direction };
+    let ray = camera_ray(&scene.camera, film, &sampler);
     let mut value = kernel.trace(ray, [depth, decision], &mut sampler, counters);
     if let Some(most) = settings.clamp {
         let found = luminance(value.radiance);

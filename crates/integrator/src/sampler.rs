@@ -13,6 +13,10 @@ use rand_pcg::Pcg32;
 /// length of `sobol_burley`'s points), as a power of two.
 const SEQUENCE_BITS: u32 = 16;
 
+/// The set of stratified numbers for the point of a lens that the camera's ray passes. Sets 0 to 2
+/// belong to the film and the first flight, and to the first scattering.
+pub(crate) const LENS: u32 = 3;
+
 /// The random numbers of one sample of one pixel: a function of (seed, pixel, sample) alone.
 #[derive(Debug, Clone)]
 pub struct PathSampler {
@@ -90,7 +94,7 @@ mod tests {
     #[test]
     fn stratified_numbers_fill_strata() {
         for replicate in 0..REPLICATES as u64 {
-            for set in 0..4 {
+            for set in 0..=LENS {
                 let mut bins = [0u32; 64];
                 for i in 0..64 {
                     let sampler = PathSampler::new(9, 1, 2, REPLICATES as u64 * i + replicate);

@@ -63,6 +63,12 @@ impl Bounds3 {
         self.low.cmple(p).all() && self.high.cmpge(p).all()
     }
 
+    /// Whether two boxes share a point, be it on their faces alone.
+    #[inline]
+    pub fn overlaps(self, other: Bounds3) -> bool {
+        self.low.cmple(other.high).all() && self.high.cmpge(other.low).all()
+    }
+
     /// The eight corners, x first.
     pub fn corners(self) -> [DVec3; 8] {
         std::array::from_fn(|corner| {

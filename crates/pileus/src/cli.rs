@@ -4,15 +4,17 @@ use std::path::PathBuf;
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand};
+use pileus_film::{FIRST_LAYERS, LAYERS};
 use pileus_media::Interpolation;
 use pileus_media::method::Named;
 use pileus_media::transmittance::Estimator;
+use pileus_scene::Orbit;
 use pileus_scene::volume_spec::UpAxis;
 
 use crate::input::VdbOptions;
 use crate::job::MAX_SPP;
 use crate::schema::about;
-use crate::settings::Overrides;
+use crate::settings::{Overrides, SunPosition};
 
 const EXIT_CODES: &str = "\
 Exit codes:
@@ -234,7 +236,7 @@ pub struct InputOptions {
     /// OpenVDB only: the axis that points up in the file.
     #[arg(long, value_name = "AXIS", value_parser = by_name::<UpAxis>())]
     pub up_axis: Option<UpAxis>,
-    /// The camera of the scene to use, by the name of its node.
+    /// The camera of the scene to use, by the name of its node; it takes the lens of the job's.
     #[arg(long, value_name = "NAME")]
     pub camera: Option<String>,
 }
@@ -280,6 +282,32 @@ pub struct RenderOptions {
     /// The tone-mapped picture (.png) to look at, instead of the one beside the image.
     #[arg(long, value_name = "FILE")]
     pub preview: Option<PathBuf>,
+    /// From where the camera looks, degrees: clockwise seen from above (0 is at -Z, 90 at +X), and
+    /// above the horizon; around what the job's camera looks at, or else around all that there is.
+    /// Without a distance, in scene units, it keeps the job's, or all fits.
+    #[arg(long, value_name = "AZIMUTH,ELEVATION[,DISTANCE]", conflicts_with = "camera", allow_hyphen_values = true, value_parser = parse_orbit)]
+    pub camera_orbit: Option<Orbit>,
+    /// Where the sun stands, degrees, as for `--camera-orbit`: the job's, or else that of a clear
+    /// sky in place of the default one, or beside the job's environment.
+    #[arg(long, value_name = "AZIMUTH,ELEVATION", allow_hyphen_values = true, value_parser = parse_sun)]
+    pub sun: Option<SunPosition>,
+    /// An image of all around (.exr, .hdr; latitude and longitude) instead of the job's environment
+    /// and sky.
+    #[arg(long, value_name = "IMAGE")]
+    pub env: Option<PathBuf>,
+    /// Share of light that the volumes scatter, from 0 to 1, instead of the job's.
+    #[arg(long, value_name = "A|R,G,B", value_parser = parse_albedo)]
+    pub albedo: Option<[f64; 3]>,
+    /// Mean cosine of scattering in the volumes (Henyey-Greenstein), between -1 and 1, instead of
+    /// the job's.
+    #[arg(long, value_name = "G", allow_hyphen_values = true, value_parser = parse_cosine)]
+    pub g: Option<f64>,
+    /// Exposure of the picture to look at instead of the job's.
+    #[arg(long, value_name = "STOPS", allow_hyphen_values = true, help = instead("OutputSpec", "exposure"), value_parser = parse_stops)]
+    pub exposure: Option<f32>,
+    /// Layers to keep besides the job's, separated by commas.
+    #[arg(long, value_name = "LAYERS", value_delimiter = ',', value_parser = layer_names())]
+    pub aov: Vec<String>,
     /// Write no picture to look at.
     #[arg(long, conflicts_with = "preview")]
     pub no_preview: bool,
@@ -298,6 +326,9 @@ pub struct RenderOptions {
     /// Seed instead of the job's.
     #[arg(long, value_name = "N", help = instead("SamplingSpec", "seed"))]
     pub seed: Option<u64>,
+    /// The part of the image to render instead of the job's, pixels.
+    #[arg(long, value_name = "LEFT,TOP,WIDTH,HEIGHT", help = instead("FilmSpec", "crop"), value_parser = parse_crop)]
+    pub crop: Option<[u32; 4]>,
     /// Width and height instead of the job's, pixels.
     #[arg(long, value_name = "WxH", help = instead("FilmSpec", "resolution"), value_parser = parse_resolution)]
     pub resolution: Option<[u32; 2]>,
@@ -306,6 +337,74 @@ pub struct RenderOptions {
 /// The help of an option that takes the place of one of the job's: what that one says of itself.
 fn instead(definition: &str, key: &str) -> String {
     format!("Instead of the job's `{key}`: {}", about(definition, key))
+}
+
+/// Finite numbers between commas.
+fn numbers(text: &str) -> Option<Vec<f64>> {
+    let number = |part: &str| part.trim().parse::<f64>().ok().filter(|v| v.is_finite());
+    text.split(',').map(number).collect()
+}
+
+fn parse_orbit(text: &str) -> Result<Orbit, String> {
+    let orbit = |azimuth_degrees, elevation_degrees, distance| Orbit {
+        azimuth_degrees,
+        elevation_degrees,
+        distance,
+    };
+    numbers(text)
+        .and_then(|numbers| match numbers[..] {
+            [azimuth, elevation] => Some(orbit(azimuth, elevation, None)),
+            [azimuth, elevation, distance] if distance > 0.0 => {
+                Some(orbit(azimuth, elevation, Some(distance)))
+            }
+            _ => None,
+        })
+        .filter(|orbit| orbit.elevation_degrees.abs() <= 90.0)
+        .ok_or_else(|| {
+            "give an azimuth and an elevation from -90 to 90 degrees like 120,15, and after them a distance above 0 if one is wanted".into()
+        })
+}
+
+fn parse_sun(text: &str) -> Result<SunPosition, String> {
+    match numbers(text).as_deref() {
+        Some(&[azimuth, elevation]) if (-6.0..=90.0).contains(&elevation) => {
+            Ok(SunPosition { azimuth, elevation })
+        }
+        _ => Err("give an azimuth and an elevation from -6 to 90 degrees like 200,35".into()),
+    }
+}
+
+fn parse_albedo(text: &str) -> Result<[f64; 3], String> {
+    let channels = match numbers(text).as_deref() {
+        Some(&[grey]) => Some([grey; 3]),
+        Some(&[r, g, b]) => Some([r, g, b]),
+        _ => None,
+    };
+    channels
+        .filter(|channels| channels.iter().all(|c| (0.0..=1.0).contains(c)))
+        .ok_or_else(|| "give one number from 0 to 1, or three for red, green and blue".into())
+}
+
+fn parse_cosine(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(g) if g.abs() < 1.0 => Ok(g),
+        _ => Err("give a number between -1 and 1, not those themselves".into()),
+    }
+}
+
+fn parse_stops(text: &str) -> Result<f32, String> {
+    match text.parse::<f32>() {
+        Ok(stops) if stops.abs() <= 64.0 => Ok(stops),
+        _ => Err("give a number of stops from -64 to 64".into()),
+    }
+}
+
+/// Names of layers that a job may ask for.
+fn layer_names() -> impl TypedValueParser<Value = String> {
+    let layers = LAYERS[FIRST_LAYERS..].iter();
+    PossibleValuesParser::new(
+        layers.map(|layer| PossibleValue::new(layer.name).help(layer.meaning)),
+    )
 }
 
 fn parse_resolution(text: &str) -> Result<[u32; 2], String> {
@@ -320,6 +419,14 @@ fn parse_resolution(text: &str) -> Result<[u32; 2], String> {
         })
 }
 
+fn parse_crop(text: &str) -> Result<[u32; 4], String> {
+    let numbers: Option<Vec<u32>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
+    numbers
+        .and_then(|numbers| <[u32; 4]>::try_from(numbers).ok())
+        .filter(|[.., width, height]| *width > 0 && *height > 0)
+        .ok_or_else(|| "give left, top, width and height in pixels like 120,60,64,64".into())
+}
+
 impl RenderOptions {
     pub(crate) fn overrides(&self) -> Overrides {
         Overrides {
@@ -328,7 +435,15 @@ impl RenderOptions {
             spp: self.spp,
             seed: self.seed,
             resolution: self.resolution,
+            crop: self.crop,
             camera: None,
+            orbit: self.camera_orbit,
+            sun: self.sun,
+            environment: self.env.clone(),
+            albedo: self.albedo,
+            g: self.g,
+            exposure: self.exposure,
+            aovs: self.aov.clone(),
             no_preview: self.no_preview,
             no_stats: self.no_stats,
             no_layers: self.no_layers,

@@ -186,9 +186,9 @@ impl Input {
 /// Keys that people try, of features that this version does not have, and what to do without them.
 const NOT_YET: [(&[&str], &str, &str); 8] = [
     (
-        &["aperture", "aperture_radius", "lens_radius", "f_stop", "fstop", "focus_distance", "dof"],
-        "depth of field is not rendered by this version",
-        "remove the key: everything is in focus",
+        &["aperture_radius", "lens_radius", "f_stop", "fstop", "f_number", "dof"],
+        "depth of field is given by `aperture`, the diameter of the lens in scene units",
+        "give `aperture`: twice the radius, or the focal length over the f-number",
     ),
     (
         &["denoise", "denoiser", "denoising"],

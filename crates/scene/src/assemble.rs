@@ -8,7 +8,7 @@ use glam::{DAffine3, DVec3};
 use pileus_math::Bounds3;
 use pileus_media::emission::EmissionField;
 
-use crate::camera::Camera;
+use crate::camera::{Camera, Lens, Orbit, Projection};
 use crate::error::{Error, Place};
 use crate::gltf::{self, GltfCamera, GltfScene, GltfSurfaces};
 use crate::light::environment::Environment;
@@ -46,12 +46,14 @@ pub struct SceneRequest<'a> {
     pub volume_place: &'a dyn Fn(usize, &str) -> Place,
     /// Which camera to use.
     pub camera: CameraRequest,
+    /// The lens of that camera; `None`: a pinhole.
+    pub lens: Option<LensRequest>,
     /// Lights beside those of the glTF file.
     pub lights: Vec<Light>,
     /// The environment; `None` if nothing was said about it.
     pub environment: Option<Environment>,
     /// Size of the full image in pixels; `None`: 640 pixels along the longer side in the aspect
-    /// ratio of the glTF camera, or 640 x 360.
+    /// ratio of the glTF camera, 640 x 320 of a panorama, or 640 x 360.
     pub resolution: Option<[u32; 2]>,
     /// The extinction of a grid value of 1 in `volumes` that do not say.
     pub default_scale: DefaultScale,
@@ -67,6 +69,15 @@ pub enum CameraRequest {
     Auto {
         /// Vertical opening angle in degrees of a camera that frames volumes and surfaces.
         fov_y_degrees: f64,
+        /// From where it frames them, whatever cameras there are.
+        orbit: Option<Orbit>,
+    },
+    /// An orthographic camera that frames volumes and surfaces, whatever cameras there are.
+    FramedOrthographic {
+        /// Height of the view in scene units; `None`: all that there is fits.
+        height: Option<f64>,
+        /// From where it frames them.
+        orbit: Option<Orbit>,
     },
     /// The camera of a glTF node.
     Node {
@@ -75,7 +86,7 @@ pub enum CameraRequest {
         /// Where it is named.
         place: Place,
     },
-    /// A camera in the world, see [`Camera::look_at`].
+    /// A camera in the world, see [`Camera::new`].
     LookAt {
         /// Position in scene units.
         position: DVec3,
@@ -83,11 +94,46 @@ pub enum CameraRequest {
         target: DVec3,
         /// What is up.
         up: DVec3,
-        /// Vertical opening angle in degrees.
-        fov_y_degrees: f64,
+        /// Perspective, orthographic or panorama.
+        projection: Projection,
         /// Where it is described.
         place: Place,
     },
+}
+
+/// A lens for whichever camera is used, see [`Lens::new`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct LensRequest {
+    /// Diameter of the aperture in scene units.
+    pub aperture: f64,
+    /// Sides of the aperture; 0 for a disc.
+    pub blades: u32,
+    /// What is sharp.
+    pub focus: Focus,
+    /// Where the focus is described.
+    pub place: Place,
+}
+
+/// What is sharp in a picture through a lens: a plane across the view axis.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Focus {
+    /// At this distance along the view axis, scene units.
+    Distance(f64),
+    /// Through this point in world space.
+    Point(DVec3),
+}
+
+impl LensRequest {
+    /// The camera with this lens.
+    fn fitted_to(&self, camera: Camera) -> Result<Camera, Error> {
+        let distance = match self.focus {
+            Focus::Distance(distance) => distance,
+            Focus::Point(point) => camera.depth(point),
+        };
+        Lens::new(self.aperture, distance, self.blades)
+            .and_then(|lens| camera.with_lens(lens))
+            .map_err(|error| at(error, &self.place))
+    }
 }
 
 /// A scene and how it came about.
@@ -136,9 +182,13 @@ impl Scene {
         let (camera, note) = choose_camera(&request, file.as_ref(), &volumes, surfaces.as_ref())
             .map_err(|error| with_hint(error, lost.as_deref()))?;
         notes.extend(note);
+        let camera = match &request.lens {
+            Some(lens) => lens.fitted_to(camera)?,
+            None => camera,
+        };
         let mut hints = std::mem::take(&mut loader.hints);
         let cameras = file.as_ref().map_or(0, |file| file.cameras.len());
-        if cameras > 1 && matches!(request.camera, CameraRequest::Auto { .. }) {
+        if cameras > 1 && matches!(request.camera, CameraRequest::Auto { orbit: None, .. }) {
             hints.push(Hint::OtherCamera);
         }
         match lost {
@@ -320,8 +370,12 @@ fn choose_camera(
     let cameras = file.map(|file| file.cameras.as_slice()).unwrap_or_default();
     let resolution = request.resolution.unwrap_or([640, 360]);
     match &request.camera {
-        CameraRequest::LookAt { position, target, up, fov_y_degrees, place } => {
-            Camera::look_at(*position, *target, *up, *fov_y_degrees, resolution)
+        CameraRequest::LookAt { position, target, up, projection, place } => {
+            let resolution = match (request.resolution, projection) {
+                (None, Projection::Panorama) => [640, 320],
+                _ => resolution,
+            };
+            Camera::new(*position, *target, *up, *projection, resolution)
                 .map(|camera| (camera, None))
                 .map_err(|error| at(error, place))
         }
@@ -347,31 +401,52 @@ fn choose_camera(
             };
             gltf_camera(camera, request, place).map(|camera| (camera, None))
         }
-        CameraRequest::Auto { fov_y_degrees } => {
-            if let (false, Some((path, _))) = (cameras.is_empty(), &request.gltf) {
+        CameraRequest::Auto { fov_y_degrees, orbit } => {
+            if let (false, Some((path, _)), None) = (cameras.is_empty(), &request.gltf, orbit) {
                 return first_camera(cameras, request, path)
                     .map(|(camera, note)| (camera, Some(note)));
             }
-            let Some(balls) = Balls::of(volumes, surfaces) else {
-                if let Some(error) = empty_volume(volumes) {
-                    return Err(error);
-                }
-                let place = request.gltf.as_ref().map(|(path, _)| Place::file(path));
-                return Err(Error::missing(
-                    place.unwrap_or_default(),
-                    "there is no camera, and no surface and no volume with an end that could be framed",
-                    "place a camera: where it stands and what it looks at",
-                ));
-            };
-            let Balls { centres, radius } = balls;
-            let camera = Camera::framing_balls(centres, radius, *fov_y_degrees, resolution)?;
-            let framed = match (volumes.is_empty(), surfaces.is_some()) {
-                (_, false) => "the volumes are framed",
-                (true, true) => "the surfaces are framed",
-                (false, true) => "volumes and surfaces are framed",
-            };
+            let Balls { centres, radius } = balls_to_frame(request, volumes, surfaces)?;
+            let camera =
+                Camera::framing_balls(centres, radius, *orbit, *fov_y_degrees, resolution)?;
+            let framed = what_is_framed(volumes, surfaces);
             Ok((camera, Some(format!("no camera given: {framed}"))))
         }
+        CameraRequest::FramedOrthographic { height, orbit } => {
+            let Balls { centres, radius } = balls_to_frame(request, volumes, surfaces)?;
+            let camera =
+                Camera::framing_balls_orthographic(centres, radius, *orbit, *height, resolution)?;
+            let framed = what_is_framed(volumes, surfaces);
+            Ok((camera, Some(format!("no place given for the camera: {framed}"))))
+        }
+    }
+}
+
+fn balls_to_frame(
+    request: &SceneRequest<'_>,
+    volumes: &[Volume],
+    surfaces: Option<&Surfaces>,
+) -> Result<Balls, Error> {
+    if let Some(balls) = Balls::of(volumes, surfaces) {
+        return Ok(balls);
+    }
+    if let Some(error) = empty_volume(volumes) {
+        return Err(error);
+    }
+    let place = request.gltf.as_ref().map(|(path, _)| Place::file(path));
+    Err(Error::missing(
+        place.unwrap_or_default(),
+        "there is no camera, and no surface and no volume with an end that could be framed",
+        "place a camera: where it stands and what it looks at",
+    ))
+}
+
+/// What a camera shows that was not placed, for people.
+fn what_is_framed(volumes: &[Volume], surfaces: Option<&Surfaces>) -> &'static str {
+    match (volumes.is_empty(), surfaces.is_some()) {
+        (_, false) => "the volumes are framed",
+        (true, true) => "the surfaces are framed",
+        (false, true) => "volumes and surfaces are framed",
     }
 }
 
@@ -428,7 +503,7 @@ fn first_camera(
     Err(Error::unsupported(
         Place::file(path),
         format!("none of the scene's {} cameras can be rendered: {}", cameras.len(), error.what()),
-        "use a perspective camera",
+        "use a perspective or an orthographic camera",
     ))
 }
 
@@ -470,19 +545,35 @@ fn gltf_camera(
     request: &SceneRequest<'_>,
     place: &Place,
 ) -> Result<Camera, Error> {
-    let Some(fov_y_degrees) = camera.fov_y_degrees else {
-        return Err(Error::unsupported(
-            place.clone(),
-            format!("camera `{}` is not a perspective camera", label(camera)),
-            "use a perspective camera",
-        ));
+    let projection = match (camera.fov_y_degrees, camera.magnification) {
+        (Some(fov_y_degrees), _) => Projection::Perspective { fov_y_degrees },
+        (None, Some([xmag, ymag])) => {
+            if !(xmag > 0.0 && ymag > 0.0) {
+                return Err(Error::invalid(
+                    place.clone(),
+                    format!(
+                        "camera `{}` has an xmag of {xmag} and a ymag of {ymag}",
+                        label(camera)
+                    ),
+                    "both have to be above 0: correct the camera and export again",
+                ));
+            }
+            Projection::Orthographic { height: 2.0 * ymag }
+        }
+        (None, None) => {
+            return Err(Error::unsupported(
+                place.clone(),
+                format!("camera `{}` is neither perspective nor orthographic", label(camera)),
+                "use a camera of one of these types",
+            ));
+        }
     };
     let resolution = request.resolution.unwrap_or_else(|| {
         let aspect = camera.aspect_ratio.unwrap_or(16.0 / 9.0);
         let short = |long: f64| (long.round() as u32).max(1);
         if aspect >= 1.0 { [640, short(640.0 / aspect)] } else { [short(640.0 * aspect), 640] }
     });
-    Camera::from_transform(&camera.to_world, fov_y_degrees, resolution)
+    Camera::from_transform(&camera.to_world, projection, resolution)
         .map_err(|error| at(error, place))
 }
 

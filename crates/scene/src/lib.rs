@@ -15,9 +15,9 @@ pub mod surface;
 pub mod uri;
 pub mod volume;
 
-pub use assemble::{CameraRequest, Loaded, Scene, SceneRequest};
+pub use assemble::{CameraRequest, Focus, LensRequest, Loaded, Scene, SceneRequest};
 pub use bsdf::{Bsdf, BsdfSample};
-pub use camera::Camera;
+pub use camera::{Camera, Lens, Orbit, Projection};
 pub use error::{Error, Place};
 pub use light::environment::{EnvSample, Environment, EnvironmentImage};
 pub use light::punctual::*;

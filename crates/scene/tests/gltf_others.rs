@@ -8,8 +8,8 @@ use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3, Vec3};
 use pileus_scene::gltf::{self, GltfScene, GltfSurfaces};
 use pileus_scene::volume::DefaultScale;
 use pileus_scene::{
-    CameraRequest, Error, GlassRule, Hint, Light, Loaded, Place, Scene, SceneRequest, Surfaces,
-    VolumeSource, VolumeSpec,
+    CameraRequest, Error, GlassRule, Hint, Light, Loaded, Place, Projection, Scene, SceneRequest,
+    Surfaces, VolumeSource, VolumeSpec,
 };
 use rand_core::SeedableRng;
 use rand_pcg::Pcg64Mcg;
@@ -140,6 +140,7 @@ fn load(path: &Path, camera: CameraRequest) -> Result<Loaded, Error> {
         volumes: Vec::new(),
         volume_place: &|_, _| Place::default(),
         camera,
+        lens: None,
         lights: Vec::new(),
         environment: None,
         resolution: None,
@@ -148,7 +149,7 @@ fn load(path: &Path, camera: CameraRequest) -> Result<Loaded, Error> {
     })
 }
 
-const AUTO: CameraRequest = CameraRequest::Auto { fov_y_degrees: 35.0 };
+const AUTO: CameraRequest = CameraRequest::Auto { fov_y_degrees: 35.0, orbit: None };
 
 /// A folder with a glTF file in it.
 fn folder_of(file: &Value) -> (tempfile::TempDir, PathBuf) {
@@ -775,7 +776,7 @@ fn error_of(file: &Value) -> String {
 fn the_first_camera_that_can_be_rendered_is_taken() {
     let perspective = json!({"type": "perspective", "perspective": {"yfov": 0.5, "znear": 0.1}});
     let flat = json!({"type": "orthographic", "name": "Flat",
-        "orthographic": {"xmag": 1, "ymag": 1, "znear": 0, "zfar": 9}});
+        "orthographic": {"xmag": 1, "ymag": 0, "znear": 0, "zfar": 9}});
     let node = |camera: usize, name: &str, z: f64| json!({"camera": camera, "name": name, "translation": [0, 0, z]});
     let nodes = json!([
         node(0, "A top", 1.0),
@@ -810,10 +811,31 @@ fn the_first_camera_that_can_be_rendered_is_taken() {
     for (name, z) in [("D close", 4.0), ("Camera.001", 4.0), ("node 4", 5.0)] {
         assert_eq!(by_name(name).unwrap().scene.camera.position().z, z, "{name}");
     }
-    assert!(matches!(by_name("A top"), Err(Error::Unsupported { .. })));
+    assert!(matches!(by_name("A top"), Err(Error::Invalid { .. })));
     for name in ["D", ""] {
         let error = by_name(name).unwrap_err();
         assert!(error.remedy().contains("`D close`"), "{}", error.remedy());
+    }
+    // An orthographic one is as good as others.
+    let mut with_flat = cameras.clone();
+    with_flat[0]["orthographic"] = json!({"xmag": 3, "ymag": 1.5, "znear": 0, "zfar": 9});
+    let file = File::default().json(nodes.clone(), json!({"cameras": with_flat}));
+    let (_folder, path) = folder_of(&file);
+    let loaded = load(&path, AUTO).unwrap();
+    let camera = &loaded.scene.camera;
+    assert_eq!(camera.position().z, 1.0);
+    assert_eq!(camera.projection(), Projection::Orthographic { height: 3.0 });
+    assert_eq!(camera.resolution(), [640, 320]);
+    // The width follows the resolution where that has another shape: pixels stay square.
+    let (left, _) = camera.ray([0.0, 160.0]);
+    assert!((left - DVec3::new(-3.0, 0.0, 1.0)).length() < 1e-12, "{left}");
+    for (xmag, ymag) in [(1.0, -1.0), (0.0, 1.0), (-2.0, 1.0)] {
+        with_flat[0]["orthographic"] = json!({"xmag": xmag, "ymag": ymag, "znear": 0, "zfar": 9});
+        let file = File::default().json(nodes.clone(), json!({"cameras": with_flat}));
+        let (_folder, path) = folder_of(&file);
+        let request = CameraRequest::Node { name: "A top".into(), place: Place::default() };
+        let error = load(&path, request).unwrap_err();
+        assert!(error.to_string().contains("xmag"), "{error}");
     }
     // None of them.
     let file = File::default()
@@ -866,6 +888,7 @@ fn grids_of_one_name_and_files_with_z_up_are_said() {
             volumes: vec![VolumeSpec { vdb, ..spec }],
             volume_place: &|_, _| Place::default(),
             camera: AUTO,
+            lens: None,
             lights: Vec::new(),
             environment: None,
             resolution: None,

@@ -12,6 +12,7 @@
 //! ([`World`]: volumes only, or surfaces and emissive volumes besides). What a scene has of lights,
 //! weights and equiangular points is looked at once a vertex.
 
+mod camera_media;
 mod direct;
 mod emission;
 mod equiangular;
@@ -23,6 +24,7 @@ mod recorder;
 mod surface;
 mod world;
 
+pub(crate) use camera_media::CameraMedia;
 pub(crate) use interior::MediumStack;
 pub(crate) use limits::PathLimits;
 pub(crate) use recorder::{DirectLight, Recorder};

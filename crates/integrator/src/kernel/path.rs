@@ -207,7 +207,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
             start: None,
             previous: None,
             expected_first: 1.0,
-            carried: self.world.begin(),
+            carried: self.world.begin(&ray),
         };
         let tally = Tally::default();
         if !M::Channels::DECOUPLES {

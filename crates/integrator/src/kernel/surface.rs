@@ -32,15 +32,8 @@ pub(crate) struct SurfacePath {
 }
 
 impl SurfacePath {
-    pub(super) fn begin(camera_in: &MediumStack) -> SurfacePath {
-        SurfacePath {
-            interiors: if camera_in.is_empty() { MediumStack::new() } else { camera_in.clone() },
-            camera: true,
-            straight: 0,
-            drawn: 1.0,
-            layer: None,
-            vertex: None,
-        }
+    pub(super) fn begin(interiors: MediumStack) -> SurfacePath {
+        SurfacePath { interiors, camera: true, straight: 0, drawn: 1.0, layer: None, vertex: None }
     }
 }
 

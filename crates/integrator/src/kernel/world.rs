@@ -1,7 +1,7 @@
 //! What a path can meet besides media: nothing, or surfaces and emissive volumes. Kernels for
 //! volumes only have none of this compiled.
 
-use super::interior::MediumStack;
+use super::camera_media::CameraMedia;
 use super::surface::SurfacePath;
 use crate::media::Ray;
 use glam::{DVec3, Vec3};
@@ -19,8 +19,8 @@ pub(crate) trait World: Sync {
     /// What a path carries on account of it.
     type Carried: Clone;
 
-    /// What a path from the camera carries.
-    fn begin(&self) -> Self::Carried;
+    /// What a path from the camera carries, that begins with this ray.
+    fn begin(&self, ray: &Ray) -> Self::Carried;
 
     /// What a path carries on account of surfaces.
     fn of(carried: &Self::Carried) -> Option<&SurfacePath>;
@@ -87,7 +87,7 @@ impl World for VolumesOnly {
     type Carried = ();
 
     #[inline(always)]
-    fn begin(&self) {}
+    fn begin(&self, _: &Ray) {}
 
     #[inline(always)]
     fn of((): &()) -> Option<&SurfacePath> {
@@ -115,8 +115,8 @@ impl World for VolumesOnly {
 pub(crate) struct VolumesAndSurfaces<'a> {
     pub(crate) surfaces: Option<&'a Surfaces>,
     pub(crate) emissive_volumes: &'a [Arc<EmissionField>],
-    /// The interior media that the camera is in.
-    pub(crate) camera_in: MediumStack,
+    /// The interior media that the camera's rays start in.
+    pub(crate) camera_in: CameraMedia,
 }
 
 impl World for VolumesAndSurfaces<'_> {
@@ -124,8 +124,8 @@ impl World for VolumesAndSurfaces<'_> {
     type Carried = SurfacePath;
 
     #[inline(always)]
-    fn begin(&self) -> SurfacePath {
-        SurfacePath::begin(&self.camera_in)
+    fn begin(&self, ray: &Ray) -> SurfacePath {
+        SurfacePath::begin(self.camera_in.at(self.surfaces, ray.origin))
     }
 
     #[inline(always)]

@@ -173,12 +173,13 @@ const MAX_ROUNDING: f64 = 2.5e-3;
 /// Media so dense that paths cannot move in them: a flight is as short as the distance between the
 /// numbers that positions are stored in. Light is wrong there, by some percent at first.
 fn short_flights(scene: &Scene) -> Option<String> {
-    let camera = scene.camera.position();
+    let origins = scene.camera.origins(0.0);
+    let camera = origins.low.abs().max(origins.high.abs()).max_element();
     let dense = scene.volumes.iter().filter(|volume| {
         let sigma_t = volume.medium.largest_sigma_t();
         let corners = volume.medium.bounds_world();
         let reach = corners.map_or(0.0, |b: Bounds3| b.low.abs().max(b.high.abs()).max_element());
-        sigma_t * reach.max((camera.abs()).max_element()) * f64::EPSILON > MAX_ROUNDING
+        sigma_t * reach.max(camera) * f64::EPSILON > MAX_ROUNDING
     });
     let found = names(dense.map(|volume| volume.name.as_str()));
     (!found.is_empty()).then(|| {
@@ -252,27 +253,11 @@ fn out_of_sight(scene: &Scene) -> Option<String> {
     if fogs(scene).next().is_some() {
         return None;
     }
-    let camera = &scene.camera;
-    let [width, height] = camera.resolution().map(f64::from);
-    let frame = [[0.0, 0.0], [width, 0.0], [width, height], [0.0, height]]
-        .map(|corner| camera.ray(corner).1.as_dvec3());
-    let (eye, forward) = (camera.position(), camera.forward());
-    // The planes of the frame, their normals to the inside, and the one through the eye.
-    let middle = frame.iter().sum::<DVec3>();
-    let sides = (0..4).map(|i| {
-        let normal = frame[i].cross(frame[(i + 1) % 4]);
-        if normal.dot(middle) < 0.0 { -normal } else { normal }
-    });
-    let planes: Vec<DVec3> = sides.chain([forward]).collect();
-    let outside = |bounds: Bounds3| {
-        let corners = bounds.corners();
-        planes.iter().any(|normal| corners.iter().all(|p| (*p - eye).dot(*normal) < 0.0))
-    };
     let volumes = scene.volumes.iter().filter_map(bounds_of);
     let surfaces = scene.surfaces.iter().flat_map(|surfaces| surfaces.instance_bounds());
     let mut bounds = volumes.chain(surfaces).peekable();
     bounds.peek()?;
-    bounds.all(outside).then(|| {
+    bounds.all(|bounds| !scene.camera.may_see(bounds)).then(|| {
         "no volume and no surface lies in the picture: all are behind the camera or beside what it sees; turn it towards them"
             .into()
     })
@@ -311,7 +296,7 @@ fn enclosed(scene: &Scene) -> Vec<String> {
                     found.is_some()
                 });
             let Some(material) = material.filter(|_| all) else { continue };
-            if hidden(&scene.camera.position()).is_some() {
+            if camera_may_be_inside(scene, *bounds, &hidden) {
                 continue;
             }
             lines.push(format!(
@@ -325,6 +310,20 @@ fn enclosed(scene: &Scene) -> Vec<String> {
         }
     }
     lines
+}
+
+/// Whether some ray of the camera may start inside a mesh in this box; `hidden` tells of points
+/// whether they are inside.
+fn camera_may_be_inside(
+    scene: &Scene,
+    bounds: Bounds3,
+    hidden: &dyn Fn(&DVec3) -> Option<u32>,
+) -> bool {
+    if scene.camera.has_one_origin() {
+        return hidden(&scene.camera.position()).is_some();
+    }
+    // A lens or an orthographic film may be in it with any part.
+    bounds.overlaps(scene.camera.origins(0.0))
 }
 
 /// Points inside a volume where it extinguishes or emits light, 64 at most.

@@ -6,6 +6,7 @@
 //! walked once.
 
 use super::lattice;
+use crate::camera_ray::camera_ray;
 use crate::cost::PathCost;
 use crate::counters::Counters;
 use crate::dispatch::{Job, Parts, PlannedMedia};
@@ -87,12 +88,11 @@ impl Job for Paths<'_> {
     fn run<M: Media, W: World>(&mut self, kernel: &Kernel<'_, M, W>) -> Vec<RayRecorder> {
         let trace = |number: u32| {
             let film = lattice(self.scene.camera.resolution(), number);
-            let (origin, direction) = self.scene.camera.ray(film);
             let pixel = film.map(|x| x as u32);
             let mut sampler = PathSampler::new(0, pixel[0], pixel[1], u64::from(number));
             let [_, _, depth, decision] = sampler.stratified(0);
             let mut recorder = RayRecorder::default();
-            let ray = Ray { origin, direction };
+            let ray = camera_ray(&self.scene.camera, film, &sampler);
             kernel.trace(ray, [depth, decision], &mut sampler, &mut recorder);
             recorder
         };

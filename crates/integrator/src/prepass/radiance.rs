@@ -8,10 +8,11 @@
 //! decide how often a shadow ray is sent, never with probability zero.
 
 use super::lattice;
+use crate::camera_ray::camera_ray;
 use crate::counters::Counters;
 use crate::dispatch::{Job, Parts};
 use crate::kernel::{DirectLight, Kernel, Recorder, World, luminance};
-use crate::media::{Media, Ray};
+use crate::media::Media;
 use crate::sampler::PathSampler;
 use glam::{DVec3, Vec3};
 use pileus_math::Bounds3;
@@ -212,7 +213,6 @@ impl Job for Paths<'_> {
     fn run<M: Media, W: World>(&mut self, kernel: &Kernel<'_, M, W>) -> Self::Output {
         let trace = |number: u32| {
             let film = lattice(self.scene.camera.resolution(), number);
-            let (origin, direction) = self.scene.camera.ray(film);
             let pixel = film.map(|x| x as u32);
             let mut sampler = PathSampler::new(1, pixel[0], pixel[1], u64::from(number));
             let [_, _, depth, decision] = sampler.stratified(0);
@@ -222,7 +222,7 @@ impl Job for Paths<'_> {
                 light: [0.0; 2],
                 visits: Vec::new(),
             };
-            let ray = Ray { origin, direction };
+            let ray = camera_ray(&self.scene.camera, film, &sampler);
             let sample = kernel.trace(ray, [depth, decision], &mut sampler, &mut recorder);
             (luminance(sample.radiance), recorder.visits)
         };

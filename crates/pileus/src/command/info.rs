@@ -468,7 +468,9 @@ fn gltf_json(scene: &GltfScene) -> Value {
         .map(|camera| {
             json!({
                 "node": camera.node,
+                "type": if camera.magnification.is_some() { "orthographic" } else { "perspective" },
                 "fov_y": camera.fov_y_degrees,
+                "height": camera.magnification.map(|[_, ymag]| 2.0 * ymag),
                 "aspect_ratio": camera.aspect_ratio,
                 "matrix": matrix(&camera.to_world),
             })
@@ -506,10 +508,13 @@ fn gltf_text(path: &Path, scene: &GltfScene) -> String {
         counts.animations,
     )];
     for camera in &scene.cameras {
-        let fov =
-            camera.fov_y_degrees.map_or("orthographic".into(), |a| format!("{a:.2} degrees high"));
+        let view = match (camera.fov_y_degrees, camera.magnification) {
+            (Some(angle), _) => format!("{angle:.2} degrees high"),
+            (None, Some([_, ymag])) => format!("orthographic, {:.4} high", 2.0 * ymag),
+            (None, None) => "of no known type".into(),
+        };
         lines.push(format!(
-            "camera `{}`: {fov}, at {:.4}",
+            "camera `{}`: {view}, at {:.4}",
             camera.node, camera.to_world.translation
         ));
     }

@@ -15,7 +15,7 @@ options! {
     #[derive(Default)]
     pub struct FilmSpec {
         /// Width and height of the full image. Default: 640 pixels along the longer side in the
-        /// aspect ratio of the glTF camera, or 640 x 360.
+        /// aspect ratio of the glTF camera, 640 x 320 of a panorama, or 640 x 360.
         #[serde(deserialize_with = "whole::option_of_2")]
         #[schemars(extend("examples" = [[480, 270]]))]
         resolution: [u32; 2], rules::resolution, unit("pixels");

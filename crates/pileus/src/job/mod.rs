@@ -12,7 +12,7 @@ pub(crate) mod rules;
 mod sampling;
 
 pub use auto::{Auto, LeftToThePlan};
-pub use camera::CameraSpec;
+pub use camera::{CameraKind, CameraSpec};
 pub use film::{FilmSpec, FilterKind, FilterSpec};
 pub use light::*;
 pub use output::OutputSpec;

@@ -4,7 +4,7 @@
 
 use pileus_film::{LAYERS, MAX_PIXELS};
 use pileus_scene::schema_rule::{
-    absent, both, direction, given, implies, later, none_of, rule, with,
+    absent, both, direction, given, implies, later, none_of, not_both, rule, with,
 };
 use schemars::Schema;
 use serde_json::{Value, json};
@@ -41,13 +41,22 @@ pub(crate) fn job() -> Value {
     ])
 }
 
-/// How a camera is placed.
+/// How a camera is placed, and which keys belong to its type.
 pub(crate) fn camera() -> Value {
+    let of_type = |name: &str| with("type", json!({ "const": name }));
+    let not_of_type = |name: &str| json!({ "not": of_type(name) });
+    let (flat, panorama) = (|| of_type("orthographic"), || of_type("panorama"));
+    let has_lens = with("aperture", json!({ "type": "number", "exclusiveMinimum": 0 }));
     json!([
         rule(
             implies(given("node"), none_of(&["position", "look_at", "up", "fov_y"])),
             "the camera has a `node` and a placement of its own",
             "keep one of the two",
+        ),
+        rule(
+            implies(given("node"), none_of(&["type", "height"])),
+            "the camera has a `node`, which says of what type it is",
+            "remove `type` and `height`, or place the camera by `position` and `look_at`",
         ),
         rule(
             json!({ "anyOf": [
@@ -57,7 +66,65 @@ pub(crate) fn camera() -> Value {
             "the camera is placed by half",
             "give both `position` and `look_at`, or neither to frame the volumes",
         ),
+        rule(
+            implies(given("height"), flat()),
+            "`height` belongs to orthographic cameras",
+            "remove it, or set `type` to \"orthographic\"; perspective cameras have `fov_y`",
+        ),
+        rule(
+            implies(given("fov_y"), both(not_of_type("orthographic"), not_of_type("panorama"))),
+            "`fov_y` belongs to perspective cameras",
+            "remove it; orthographic cameras have `height`, a panorama shows all directions",
+        ),
+        rule(
+            implies(both(flat(), given("position")), given("height")),
+            "it is not clear how much the orthographic camera shows",
+            "give `height` in scene units",
+        ),
+        rule(
+            implies(panorama(), given("position")),
+            "the panorama has no place",
+            "give `position` and `look_at`, where its middle looks",
+        ),
+        rule(
+            implies(panorama(), none_of(&["aperture", "focus_distance", "focus_on", "blades"])),
+            "a panorama has no lens",
+            "remove `aperture`, `focus_distance`, `focus_on` and `blades`: all is sharp",
+        ),
+        rule(
+            not_both(given("focus_distance"), given("focus_on")),
+            "the camera is focused twice",
+            "keep `focus_distance` or `focus_on`",
+        ),
+        rule(
+            implies(
+                json!({ "anyOf": [given("focus_distance"), given("focus_on"), given("blades")] }),
+                given("aperture"),
+            ),
+            "the camera has a focus or blades, but no aperture",
+            "give `aperture`, the diameter of the lens, or remove them: all is sharp",
+        ),
+        rule(
+            implies(
+                has_lens,
+                json!({ "anyOf": [given("focus_distance"), given("focus_on"), given("look_at")] }),
+            ),
+            "it is not clear what the camera's lens is focused on",
+            "give `focus_distance`, or a point with `focus_on`",
+        ),
     ])
+}
+
+/// No blades, or enough for a polygon.
+pub(crate) fn blades(schema: &mut Schema) {
+    insert_rule(
+        schema,
+        rule(
+            json!({ "not": { "enum": [1, 2] } }),
+            "an aperture of 1 or 2 blades has no area",
+            "use 0 for a round one, or 3 and more",
+        ),
+    );
 }
 
 /// What an environment is made of.

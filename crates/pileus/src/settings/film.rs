@@ -19,19 +19,25 @@ pub(super) fn resolution(film: &FilmSpec, places: &Places) -> Result<Option<[u32
     Ok(film.resolution)
 }
 
-/// The window that is rendered; inside the resolution, where the job gives one.
-pub(super) fn crop(film: &FilmSpec, places: &Places) -> Result<Option<Crop>, Failure> {
+/// The window that is rendered; inside the resolution, where the job gives one. `by_option`: the
+/// command line has named it.
+pub(super) fn crop(
+    film: &FilmSpec,
+    by_option: bool,
+    places: &Places,
+) -> Result<Option<Crop>, Failure> {
     let Some([x0, y0, width, height]) = film.crop else { return Ok(None) };
     let inside = film.resolution.is_none_or(|[w, h]| {
         u64::from(x0) + u64::from(width) <= u64::from(w)
             && u64::from(y0) + u64::from(height) <= u64::from(h)
     });
     if width == 0 || height == 0 || !inside {
-        return Err(places.invalid(
-            "/film/crop",
-            format!("the crop {:?} is empty or leaves the image", [x0, y0, width, height]),
-            "give left, top, width and height in pixels inside the resolution",
-        ));
+        let what = format!("the crop {:?} is empty or leaves the image", [x0, y0, width, height]);
+        let remedy = "give left, top, width and height in pixels inside the resolution";
+        if by_option {
+            return Err(Failure::usage(what, remedy));
+        }
+        return Err(places.invalid("/film/crop", what, remedy));
     }
     Ok(Some(Crop { x0, y0, width, height }))
 }

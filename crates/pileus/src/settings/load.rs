@@ -26,6 +26,7 @@ impl Settings {
             volumes: self.volumes.clone(),
             volume_place: &|i, key| self.places.at(&format!("/volumes/{i}{key}")),
             camera: self.camera.clone(),
+            lens: self.lens.clone(),
             lights: self.lights.lights.clone(),
             environment,
             resolution: self.resolution,

@@ -13,7 +13,7 @@ mod sampling;
 
 pub(crate) use outputs::layers_beside;
 pub use outputs::{LayersTo, Outputs};
-pub use overrides::Overrides;
+pub use overrides::{Overrides, SunPosition};
 pub(crate) use record::job_hash;
 
 use std::convert::Infallible;
@@ -24,7 +24,7 @@ use pileus_integrator::RenderSettings;
 use pileus_scene::uri::{resolve_path, with_frame};
 use pileus_scene::volume::DefaultScale;
 use pileus_scene::volume_spec::VolumeSpec;
-use pileus_scene::{CameraRequest, GlassRule, Loaded, Place};
+use pileus_scene::{CameraRequest, GlassRule, LensRequest, Loaded, Place};
 
 use crate::failure::Failure;
 use crate::input::Input;
@@ -47,6 +47,7 @@ pub struct Settings {
     glass_rule: GlassRule,
     volumes: Vec<VolumeSpec>,
     camera: CameraRequest,
+    lens: Option<LensRequest>,
     lights: JobLights,
     resolution: Option<[u32; 2]>,
     default_scale: DefaultScale,
@@ -67,7 +68,7 @@ impl Settings {
             None => Places::File(path.clone()),
         };
         places.hold_against_schema()?;
-        let job = overrides.applied_to(job);
+        let job = overrides.applied_to(job, &base)?;
         let film = job.film.clone().unwrap_or_default();
         let gltf = job.gltf.clone().unwrap_or_default();
         let volumes = job.volumes.iter().flatten().map(|spec| {
@@ -81,7 +82,7 @@ impl Settings {
         });
         Ok(Self {
             render: sampling::resolve(&job, film::filter(&film, &places)?, &places)?,
-            crop: film::crop(&film, &places)?,
+            crop: film::crop(&film, overrides.crop.is_some(), &places)?,
             outputs: Outputs::resolve(&job, overrides, &path, &base)?,
             gltf: job
                 .scene
@@ -89,7 +90,8 @@ impl Settings {
                 .map(|name| (resolve_path(&base, name), gltf.lumens_per_watt())),
             glass_rule: gltf.glass().0,
             volumes: volumes.collect(),
-            camera: camera::resolve(job.camera.as_ref(), &places),
+            camera: camera::resolve(job.camera.as_ref(), overrides.orbit, &places),
+            lens: camera::lens(job.camera.as_ref(), &places),
             lights: JobLights::resolve(&job, &base, &places)?,
             resolution: film::resolution(&film, &places)?,
             default_scale,

@@ -6,10 +6,10 @@ use std::path::Path;
 
 use fnv::FnvHasher;
 use pileus_scene::volume_spec::{AlbedoSpec, DensitySpec, Rgb};
-use pileus_scene::{Scene, VolumeSource};
+use pileus_scene::{Camera, Projection, Scene, VolumeSource};
 
 use super::{LayersTo, Outputs, Settings};
-use crate::job::{CameraSpec, Job, LightSpec, OutputSpec};
+use crate::job::{CameraKind, CameraSpec, Job, LightSpec, OutputSpec};
 
 impl Settings {
     /// The job with what loading decided and with the files that the command line names.
@@ -17,13 +17,7 @@ impl Settings {
         let mut job = self.job.clone();
         let camera = &scene.camera;
         job.film.get_or_insert_default().resolution = Some(camera.resolution());
-        job.camera.get_or_insert_with(|| CameraSpec {
-            position: Some(camera.position().to_array()),
-            look_at: Some((camera.position() + camera.forward()).to_array()),
-            up: Some(camera.up().to_array()),
-            fov_y: Some(camera.fov_y_degrees()),
-            ..CameraSpec::default()
-        });
+        job.camera = Some(self.recorded_camera(camera));
         let sampling = job.sampling.get_or_insert_default();
         sampling.spp = Some(self.render.samples.end);
         sampling.seed = Some(self.render.seed);
@@ -41,6 +35,32 @@ impl Settings {
         }
         self.record_outputs(&mut job);
         job
+    }
+
+    /// The camera, whatever chose it, in numbers that place it again.
+    fn recorded_camera(&self, camera: &Camera) -> CameraSpec {
+        let told = self.job.camera.clone().unwrap_or_default();
+        if told.node.is_some() || told.position.is_some() {
+            return told;
+        }
+        let [look_at, up] = camera.placement();
+        let (kind, fov_y, height) = match camera.projection() {
+            Projection::Perspective { fov_y_degrees } => (None, Some(fov_y_degrees), None),
+            Projection::Orthographic { height } => {
+                (Some(CameraKind::Orthographic), None, Some(height))
+            }
+            Projection::Panorama => (Some(CameraKind::Panorama), None, None),
+        };
+        CameraSpec {
+            kind,
+            position: Some(camera.position().to_array()),
+            look_at: Some(look_at.to_array()),
+            up: Some(up.to_array()),
+            fov_y,
+            height,
+            // The lens as it was told: beside it nothing chooses one.
+            ..told
+        }
     }
 
     /// Puts the files that the command line names, or moves, into the job.

@@ -152,7 +152,7 @@ impl Generator {
         if camera && job["camera"].get("node").is_none_or(Value::is_null) {
             job["camera"]["position"] = json!([self.unit(), 2, 3]);
             job["camera"]["look_at"] = json!([0, self.unit(), 0]);
-            job["camera"].as_object_mut().unwrap().remove("up");
+            self.fit_camera(&mut job);
         } else if camera {
             job["camera"] = json!({ "node": "Camera" });
             job["scene"] = "shot.gltf".into();
@@ -190,6 +190,33 @@ impl Generator {
             }
         }
         job
+    }
+
+    /// Makes the keys of a placed camera those of its type.
+    fn fit_camera(&mut self, job: &mut Value) {
+        let keys = job["camera"].as_object_mut().unwrap();
+        keys.remove("up");
+        let lens = ["aperture", "focus_distance", "focus_on", "blades"];
+        match keys.get("type").and_then(Value::as_str) {
+            Some("orthographic") => {
+                keys.remove("fov_y");
+                keys.insert("height".into(), json!(2.5));
+            }
+            Some("panorama") => {
+                let other =
+                    |key: &String| lens.contains(&&**key) || key == "fov_y" || key == "height";
+                keys.retain(|key, _| !other(key));
+            }
+            _ => {
+                keys.remove("height");
+            }
+        }
+        if keys.contains_key("focus_on") {
+            keys.remove("focus_distance");
+        }
+        if lens.iter().any(|key| keys.contains_key(*key)) {
+            keys.insert("aperture".into(), json!(self.unit()));
+        }
     }
 
     /// Changes one value somewhere: another type, beyond its range, gone, or a key too much.
@@ -326,6 +353,16 @@ fn ranges_stand_in_the_schema() {
         sky["type"] = "sky".into();
         sky
     };
+    let placed = |keys: Value| {
+        let mut camera = keys;
+        (camera["position"], camera["look_at"]) = (json!([0, 1, 5]), json!([0, 1, 0]));
+        camera
+    };
+    let lens = |keys: Value| {
+        let mut camera = placed(keys);
+        camera["aperture"] = 0.1.into();
+        camera
+    };
     for (pointer, value) in [
         ("/sampling/spp", json!(0)),
         ("/sampling/spp", json!(1.5)),
@@ -356,6 +393,28 @@ fn ranges_stand_in_the_schema() {
         ("/camera", json!({ "position": [0, 0, 0] })),
         ("/camera", json!({ "up": [0, 1, 0] })),
         ("/camera", json!({ "node": "Camera" })),
+        ("/camera/type", json!("fisheye")),
+        ("/camera/type", json!("orthographic")),
+        ("/camera/height", json!(2)),
+        ("/camera/aperture", json!(-0.1)),
+        ("/camera/focus_distance", json!(2)),
+        ("/camera/focus_on", json!([0, 0, 0])),
+        ("/camera/blades", json!(5)),
+        ("/camera", lens(json!({ "blades": 1 }))),
+        ("/camera", lens(json!({ "blades": 2 }))),
+        ("/camera", lens(json!({ "blades": 65 }))),
+        ("/camera", lens(json!({ "focus_distance": 0 }))),
+        ("/camera", lens(json!({ "focus_distance": -1 }))),
+        ("/camera", lens(json!({ "focus_distance": 1, "focus_on": [0, 0, 0] }))),
+        ("/camera", json!({ "aperture": 0.1 })),
+        ("/camera", lens(json!({ "type": "panorama" }))),
+        ("/camera", placed(json!({ "type": "panorama", "fov_y": 35 }))),
+        ("/camera", placed(json!({ "type": "panorama", "height": 1 }))),
+        ("/camera", json!({ "type": "panorama" })),
+        ("/camera", placed(json!({ "type": "orthographic" }))),
+        ("/camera", placed(json!({ "type": "orthographic", "height": 0 }))),
+        ("/camera", placed(json!({ "type": "orthographic", "height": 1, "fov_y": 35 }))),
+        ("/camera", json!({ "node": "Camera", "type": "orthographic" })),
         ("/gltf/lumens_per_watt", json!(0)),
         ("/lights/0/to_light", json!([0, 0, 0])),
         ("/lights/0/irradiance", json!(-1)),

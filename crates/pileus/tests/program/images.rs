@@ -140,6 +140,14 @@ fn crops_are_parts_of_the_whole() {
     for (x, y) in [(0, 0), (9, 5), (4, 3)] {
         assert_eq!(part.get("G", x, y), whole.get("G", x + 8, y + 5));
     }
+    render(folder.path(), &["render", "whole.json", "--crop", "8,5,10,6", "-o", "also.exr"]);
+    let also = read_exr(&folder.path().join("also.exr")).unwrap();
+    assert_eq!(also.channel("G"), part.channel("G"));
+    for wrong in ["8,5,10", "8,5,0,6", "30,5,10,6", "-1,0,4,4", "a,b,c,d"] {
+        let crop = format!("--crop={wrong}");
+        let output = run(folder.path(), &["render", "whole.json", &crop, "-o", "no.exr"]);
+        assert_eq!(output.status.code(), Some(2), "{wrong}: {}", stderr(&output));
+    }
 }
 
 #[test]

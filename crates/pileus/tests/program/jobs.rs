@@ -105,8 +105,8 @@ fn lists_are_no_objects() {
 #[test]
 fn keys_of_features_that_are_missing_say_so() {
     for (pointer, words) in [
-        ("/camera/aperture", "depth of field"),
-        ("/camera/focus_distance", "depth of field"),
+        ("/camera/f_stop", "depth of field"),
+        ("/camera/lens_radius", "`aperture`"),
         ("/output/denoise", "denoising"),
         ("/sampling/denoise", "denoising"),
         ("/camera/motion_blur", "motion"),

@@ -1,6 +1,7 @@
 //! The built program with good and bad inputs.
 
 mod agreement;
+mod cameras;
 #[cfg(feature = "lab")]
 mod chart;
 mod clamped;
@@ -17,6 +18,7 @@ mod outputs;
 mod probe;
 mod reference;
 mod terminal;
+mod wishes;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};

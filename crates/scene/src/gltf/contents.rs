@@ -39,7 +39,7 @@ pub struct GltfScene {
     pub files: Vec<PathBuf>,
 }
 
-/// A perspective camera of a glTF file.
+/// A camera of a glTF file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GltfCamera {
     /// Name of its node; empty if it has none.
@@ -50,8 +50,11 @@ pub struct GltfCamera {
     pub name: String,
     /// From the camera's space (it looks along -Z) to the world.
     pub to_world: DAffine3,
-    /// Full vertical opening angle in degrees; `None` for an orthographic camera.
+    /// Full vertical opening angle in degrees of a perspective camera.
     pub fov_y_degrees: Option<f64>,
+    /// `xmag` and `ymag` of an orthographic camera, as the file has them: half the width and half
+    /// the height of the view, in scene units.
+    pub magnification: Option<[f64; 2]>,
     /// Width over height of the view it was made for.
     pub aspect_ratio: Option<f64>,
 }

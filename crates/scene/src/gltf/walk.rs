@@ -394,12 +394,17 @@ impl Walk<'_> {
         let Some(camera) = self.root.cameras.get(camera) else {
             return Err(self.no_such("camera", camera, node));
         };
-        let fov_y_degrees = camera.perspective.as_ref().map(|p| f64::from(p.yfov).to_degrees());
-        let aspect_ratio = camera
-            .perspective
-            .as_ref()
+        // The type decides, should a file have both.
+        let flat =
+            camera.type_ == json::validation::Checked::Valid(json::camera::Type::Orthographic);
+        let perspective = camera.perspective.as_ref().filter(|_| !flat);
+        let orthographic = camera.orthographic.as_ref().filter(|_| flat);
+        let fov_y_degrees = perspective.map(|p| f64::from(p.yfov).to_degrees());
+        let magnification = orthographic.map(|o| [o.xmag, o.ymag].map(f64::from));
+        let aspect_ratio = perspective
             .and_then(|p| p.aspect_ratio)
             .map(f64::from)
+            .or_else(|| magnification.map(|[x, y]| x / y))
             .filter(|a| (1e-3..=1e3).contains(a));
         self.scene.cameras.push(GltfCamera {
             node: node.to_owned(),
@@ -407,6 +412,7 @@ impl Walk<'_> {
             name: camera.name.clone().unwrap_or_default(),
             to_world: *to_world,
             fov_y_degrees,
+            magnification,
             aspect_ratio,
         });
         Ok(())

@@ -578,6 +578,14 @@ impl Surfaces {
         parts.filter(|part| part.solid).any(|part| self.material(part).interior.is_some())
     }
 
+    /// Lowest and highest corner of each instance that a path can be inside of, in world space: one
+    /// with a surface that bounds a body, of a material that light passes through.
+    pub fn body_bounds(&self) -> impl Iterator<Item = Bounds3> + '_ {
+        let is_body = |part: &Part| part.solid && self.material(part).transmits();
+        let bodies = move |i: &&Instance| self.meshes[i.mesh].parts.iter().any(is_body);
+        self.instances.iter().filter(bodies).map(|instance| instance.bounds)
+    }
+
     /// Numbers of things, for reports.
     pub fn counts(&self) -> SurfaceCounts {
         SurfaceCounts {
