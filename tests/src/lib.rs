@@ -387,7 +387,7 @@ pub fn blender(name: &str, volume: &str, resolution: [u32; 2]) -> Scene {
         gltf: Some((gltf.join(name), 683.0)),
         volumes: Vec::new(),
         volume_place: &|_, _| Place::default(),
-        camera: CameraRequest::Auto { fov_y_degrees: 35.0 },
+        camera: CameraRequest::Auto { fov_y_degrees: 35.0, orbit: None },
         lens: None,
         lights: Vec::new(),
         environment: None,

@@ -28,6 +28,9 @@ const STEPS: f64 = 4096.0;
 const SMALLEST: f32 = 1.0 / (1u64 << 30) as f32;
 /// Most boxes in a leaf: as many as the format holds.
 const LEAF: u32 = 3;
+/// Up to so many boxes are visited one after the other: nodes would cost more than they spare. A
+/// square over which clouds stand is two triangles in one instance.
+const FEW: usize = 4;
 /// Depth up to which the walk's stack needs no allocation.
 const SHALLOW: usize = 32;
 
@@ -87,10 +90,24 @@ impl Tree {
     /// in [0, `t_max`], near ones roughly first. `visit` gets the present end of the ray and
     /// returns the new one, which may be closer; a negative end stops the walk.
     #[inline]
-    pub(crate) fn walk(&self, ray: &DRay, t_max: f64, visit: impl FnMut(usize, f64) -> f64) {
+    pub(crate) fn walk(&self, ray: &DRay, t_max: f64, mut visit: impl FnMut(usize, f64) -> f64) {
         let origin = (ray.origin - self.centre) * self.scale;
         let direction = ray.direction * self.scale;
         let Some(start) = self.entry(origin, direction, t_max) else { return };
+        let boxes = self.order().len();
+        if boxes <= FEW {
+            if !(direction.length() > 0.0) {
+                return;
+            }
+            let mut end = t_max;
+            for place in 0..boxes {
+                end = end.min(visit(place, end));
+                if end < 0.0 {
+                    return;
+                }
+            }
+            return;
+        }
         if self.depth < SHALLOW {
             let stack = StackStack::<UVec2, SHALLOW>::default();
             self.walk_from(origin, direction, start, t_max, stack, visit);

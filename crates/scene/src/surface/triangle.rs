@@ -57,7 +57,9 @@ impl ShearedRay {
             let p = (vertex.as_dvec3() - self.origin).to_array();
             (p[x] - self.shear.x * p[z], p[y] - self.shear.y * p[z], self.shear.z * p[z])
         };
-        let [a, b, c] = vertices.map(sheared);
+        // Not by `map`, which is called, not inlined, once a vertex.
+        let [a, b, c] = *vertices;
+        let (a, b, c) = (sheared(a), sheared(b), sheared(c));
         // The vertices' weights, each an area opposite.
         let u = c.0 * b.1 - c.1 * b.0;
         let v = a.0 * c.1 - a.1 * c.0;
