@@ -460,7 +460,7 @@ fn orthographic_cameras_of_gltf_are_those_of_jobs() {
             "orthographic": {"xmag": 2.5, "ymag": 1.25, "znear": 0, "zfar": 9}}],
     });
     std::fs::write(&path, document.to_string()).unwrap();
-    let auto = CameraRequest::Auto { fov_y_degrees: 35.0 };
+    let auto = CameraRequest::Auto { fov_y_degrees: 35.0, orbit: None };
     let position = DVec3::new(0.25, 0.5, 4.0);
     let placed = CameraRequest::LookAt {
         position,

@@ -27,7 +27,7 @@ fn load(path: &Path, resolution: Option<[u32; 2]>, lumens_per_watt: f64) -> Resu
         gltf: Some((path.to_owned(), lumens_per_watt)),
         volumes: Vec::new(),
         volume_place: &|_, _| Place::default(),
-        camera: CameraRequest::Auto { fov_y_degrees: 35.0 },
+        camera: CameraRequest::Auto { fov_y_degrees: 35.0, orbit: None },
         lens: None,
         lights: Vec::new(),
         environment: None,

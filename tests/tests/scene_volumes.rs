@@ -121,7 +121,7 @@ fn a_field_of_instanced_clouds_holds_one_grid() {
         gltf: Some((path.clone(), 683.0)),
         volumes: Vec::new(),
         volume_place: &|_, _| Place::default(),
-        camera: CameraRequest::Auto { fov_y_degrees: 35.0 },
+        camera: CameraRequest::Auto { fov_y_degrees: 35.0, orbit: None },
         lens: None,
         lights: Vec::new(),
         environment: None,
