@@ -78,7 +78,7 @@ Examples:
 
 Beside the image NAME.exr go a picture to look at, NAME.png, and statistics, NAME.stats.json, unless the
 job or an option says otherwise. No file that is read is ever overwritten.")]
-    Render(RenderOptions),
+    Render(Box<RenderOptions>),
     /// Show what a file contains: OpenVDB, glTF, job or OpenEXR.
     Info(InfoOptions),
     /// Validate a job with all its files; renders nothing.
