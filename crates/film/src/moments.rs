@@ -40,8 +40,7 @@ impl PixelSample {
     }
 }
 
-/// A float within 2^-52 of an integer, relatively; the operator takes a call and three times as
-/// long.
+/// A float within 2^-52 of an integer, relatively. Not by the operator, which is a call.
 #[inline]
 fn to_f64(v: i128) -> f64 {
     const TWO_64: f64 = power_of_two(64);

@@ -76,8 +76,8 @@ fn agx(rgb: [f32; 3]) -> [f32; 3] {
     multiply(&OUTSET, looked).map(|v| srgb_encode(power(v.clamp(0.0, 1.0), 2.2)))
 }
 
-/// `v` in [0, 1] to a power, within 1e-6: what is shown in 256 steps needs no more, and libm's own
-/// takes three times as long.
+/// `v` in [0, 1] to a power from 0.4 to 2.2, within 1e-6: what is shown in 256 steps needs no more.
+/// `libm::powf` takes 245 instructions, `exp2f` 40.
 fn power(v: f32, exponent: f32) -> f32 {
     libm::exp2f(exponent * libm::log2f(v))
 }
@@ -133,6 +133,17 @@ mod tests {
         }
         assert_eq!(srgb_encode(f32::NAN), 0.0);
         assert_eq!(srgb_encode(f32::INFINITY), 1.0);
+    }
+
+    #[test]
+    fn powers_are_close() {
+        for exponent in [1.0 / 2.4, LOOK_POWER, 2.2] {
+            for i in 0..=10_000 {
+                let v = i as f32 / 10_000.0;
+                let exact = f64::from(v).powf(f64::from(exponent));
+                assert!((f64::from(power(v, exponent)) - exact).abs() < 1e-6, "{v} ^ {exponent}");
+            }
+        }
     }
 
     #[test]

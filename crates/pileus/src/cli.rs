@@ -306,7 +306,7 @@ pub struct RenderOptions {
     #[arg(long, value_name = "STOPS", allow_hyphen_values = true, help = instead("OutputSpec", "exposure"), value_parser = parse_stops)]
     pub exposure: Option<f32>,
     /// Layers to keep besides the job's, separated by commas.
-    #[arg(long, value_name = "LAYERS", value_delimiter = ',', value_parser = layer_names())]
+    #[arg(long, value_name = "LAYERS", conflicts_with = "no_layers", value_delimiter = ',', value_parser = layer_names())]
     pub aov: Vec<String>,
     /// Write no picture to look at.
     #[arg(long, conflicts_with = "preview")]

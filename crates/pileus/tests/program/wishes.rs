@@ -146,6 +146,10 @@ fn wishes_that_cannot_be_say_why() {
         assert_eq!(output.status.code(), Some(2), "{options:?}");
         assert!(stderr(&output).contains(says), "{options:?}: {}", stderr(&output));
     }
+    for pair in [["--aov=samples", "--no-layers"], ["--camera-orbit=0,0", "--camera=a"]] {
+        let output = run(folder.path(), &[&["render", "job.json"], &pair[..]].concat());
+        assert_eq!(output.status.code(), Some(2), "{pair:?}: {}", stderr(&output));
+    }
     let output = run(folder.path(), &["render", "job.json", "--env", "none.exr"]);
     assert_eq!(output.status.code(), Some(4), "{}", stderr(&output));
     assert!(stderr(&output).contains("none.exr"), "{}", stderr(&output));
