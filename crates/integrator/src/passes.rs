@@ -2,7 +2,7 @@
 
 use crate::camera_ray::camera_ray;
 use crate::counters::Counters;
-use crate::dispatch::Job;
+use crate::dispatch::{Job, Parts};
 use crate::error::Error;
 use crate::kernel::{Kernel, World, luminance};
 use crate::media::Media;
@@ -62,6 +62,9 @@ const PATHS_BETWEEN_LOOKS: u32 = 64;
 /// Seconds that a pass should take: what a cancelled render loses at most, roughly.
 const PASS_SECONDS: f64 = 2.0;
 
+/// How much longer the pass after a short one is made: each goes through the whole film once.
+const PASS_GROWTH: u64 = 4;
+
 /// Traces one sample of one pixel.
 #[inline(always)]
 fn trace<M: Media, W: World>(
@@ -89,133 +92,119 @@ fn trace<M: Media, W: World>(
     PixelSample::new(value.radiance.to_array(), value.alpha)
 }
 
-/// One sample of one pixel.
-pub(crate) struct OneSample<'a> {
-    pub(crate) scene: &'a Scene,
-    pub(crate) settings: &'a RenderSettings,
-    pub(crate) pixel: [u32; 2],
-    pub(crate) sample: u64,
-}
-
-impl Job for OneSample<'_> {
-    type Output = PixelSample;
-
-    fn run<M: Media, W: World>(&mut self, kernel: &Kernel<'_, M, W>) -> PixelSample {
-        let OneSample { scene, settings, pixel, sample } = *self;
-        trace(kernel, scene, settings, pixel, sample, &mut Counters::default())
-    }
-}
-
-/// Samples of all pixels, in passes over the tiles of a film.
-pub(crate) struct Passes<'a> {
-    pub(crate) scene: &'a Scene,
-    pub(crate) settings: &'a RenderSettings,
-    pub(crate) samples: Range<u64>,
-    pub(crate) film: &'a mut Film,
-    pub(crate) watch: &'a Watch<'a>,
-}
-
-impl Job for Passes<'_> {
-    type Output = Result<Counters, Error>;
-
-    fn run<M: Media, W: World>(&mut self, kernel: &Kernel<'_, M, W>) -> Self::Output {
-        let mut tiles: Vec<Tile> = self
-            .film
-            .tiles(self.settings.tile_size)
-            .into_iter()
-            .map(|(x0, y0, width, height)| self.film.tile(x0, y0, width, height))
-            .collect();
-        let range = self.samples.clone();
-        let crop = self.film.crop();
-        let pixels = u64::from(crop.width) * u64::from(crop.height);
-        let total = pixels * (range.end.saturating_sub(range.start));
-        let done = AtomicU64::new(0);
-        let mut counters = Counters::default();
-        let mut next = range.start;
-        let mut length = 1u64;
-        while next < range.end && !self.watch.stopped() {
-            let pass = next..(next + length).min(range.end);
-            let start = Instant::now();
-            let Some(mut pass_counters) =
-                self.pass(kernel, &mut tiles, pass.clone(), &done, total)?
-            else {
-                break;
-            };
-            let dropped_before = self.film.dropped();
-            self.film.add_tiles(&tiles)?;
-            self.film.commit_pass(pass.end - pass.start);
-            pass_counters.dropped += self.film.dropped() - dropped_before;
-            counters.merge(&pass_counters);
-            next = pass.end;
-            // Longer passes cost less overhead, shorter ones lose less when cancelled and take less
-            // memory.
-            let seconds = start.elapsed().as_secs_f64();
-            if seconds < 0.5 * PASS_SECONDS {
-                length = (length * 2).min(self.film.samples_per_pass());
-            } else if seconds > 2.0 * PASS_SECONDS {
-                length = (length / 2).max(1);
-            }
+/// Renders the samples of these numbers into `film`, in passes.
+pub(crate) fn render_passes(
+    parts: &Parts<'_>,
+    samples: Range<u64>,
+    film: &mut Film,
+    watch: &Watch<'_>,
+) -> Result<Counters, Error> {
+    let mut tiles: Vec<Tile> = film
+        .tiles(parts.settings.tile_size)
+        .into_iter()
+        .map(|(x0, y0, width, height)| film.tile(x0, y0, width, height))
+        .collect();
+    let crop = film.crop();
+    let pixels = u64::from(crop.width) * u64::from(crop.height);
+    let total = pixels * (samples.end.saturating_sub(samples.start));
+    let done = AtomicU64::new(0);
+    let mut counters = Counters::default();
+    let mut next = samples.start;
+    let mut length = 1u64;
+    while next < samples.end && !watch.stopped() {
+        let numbers = next..(next + length).min(samples.end);
+        let start = Instant::now();
+        let mut pass = Pass {
+            scene: parts.scene,
+            settings: parts.settings,
+            numbers: numbers.clone(),
+            tiles: &mut tiles,
+            watch,
+            done: &done,
+            total,
+        };
+        let Some(mut pass_counters) = parts.with_planned_kernel(&mut pass)? else { break };
+        let dropped_before = film.dropped();
+        film.add_tiles(&tiles)?;
+        film.commit_pass(numbers.end - numbers.start);
+        pass_counters.dropped += film.dropped() - dropped_before;
+        counters.merge(&pass_counters);
+        next = numbers.end;
+        // Longer passes cost less overhead, shorter ones lose less when cancelled and take less
+        // memory.
+        let seconds = start.elapsed().as_secs_f64();
+        if seconds * PASS_GROWTH as f64 <= PASS_SECONDS {
+            length = (length * PASS_GROWTH).min(film.samples_per_pass());
+        } else if seconds > 2.0 * PASS_SECONDS {
+            length = (length / 2).max(1);
         }
-        Ok(counters)
     }
+    Ok(counters)
 }
 
-impl Passes<'_> {
-    /// One pass over all tiles, which then hold its samples; `None` if it was cancelled.
-    fn pass<M: Media, W: World>(
-        &self,
-        kernel: &Kernel<'_, M, W>,
-        tiles: &mut [Tile],
-        samples: Range<u64>,
-        done: &AtomicU64,
-        total: u64,
-    ) -> Result<Option<Counters>, Error> {
-        let rendered: Vec<Option<Counters>> = tiles
-            .par_iter_mut()
-            .map(|tile| {
-                tile.start(samples.clone())?;
-                let (columns, rows) =
-                    (tile.x0..tile.x0 + tile.width, tile.y0..tile.y0 + tile.height);
-                let mut before_look = 1u32;
-                let mut counters = Counters::default();
-                for y in rows {
-                    for x in columns.clone() {
-                        for sample in samples.clone() {
-                            before_look -= 1;
-                            if before_look == 0 {
-                                if self.watch.stopped() {
-                                    return Ok(None);
-                                }
-                                before_look = PATHS_BETWEEN_LOOKS;
+/// One pass: the samples of these numbers in all pixels of the tiles, which then hold them.
+struct Pass<'a> {
+    scene: &'a Scene,
+    settings: &'a RenderSettings,
+    numbers: Range<u64>,
+    tiles: &'a mut [Tile],
+    watch: &'a Watch<'a>,
+    /// Pixel samples done so far, and to do, in all passes.
+    done: &'a AtomicU64,
+    total: u64,
+}
+
+/// What was counted in a tile or a pass; `None` if it was cancelled.
+type Counted = Result<Option<Counters>, Error>;
+
+impl Job for Pass<'_> {
+    type Output = Counted;
+
+    fn run<M: Media, W: World>(&mut self, kernel: &Kernel<'_, M, W>) -> Counted {
+        let Pass { scene, settings, watch, done, total, .. } = *self;
+        let numbers = &self.numbers;
+        let render = |tile: &mut Tile| -> Counted {
+            tile.start(numbers.clone())?;
+            let (columns, rows) = (tile.x0..tile.x0 + tile.width, tile.y0..tile.y0 + tile.height);
+            let mut before_look = 1u32;
+            let mut counters = Counters::default();
+            for y in rows {
+                for x in columns.clone() {
+                    for sample in numbers.clone() {
+                        before_look -= 1;
+                        if before_look == 0 {
+                            if watch.stopped() {
+                                return Ok(None);
                             }
-                            let value = trace(
-                                kernel,
-                                self.scene,
-                                self.settings,
-                                [x, y],
-                                sample,
-                                &mut counters,
-                            );
-                            tile.add(x, y, sample, &value);
+                            before_look = PATHS_BETWEEN_LOOKS;
                         }
+                        let value = trace(kernel, scene, settings, [x, y], sample, &mut counters);
+                        tile.add(x, y, sample, &value);
                     }
                 }
-                // A path in here may have been cut.
-                if self.watch.stopped() {
-                    return Ok(None);
-                }
-                let pixels = u64::from(tile.width) * u64::from(tile.height);
-                let count = pixels * (samples.end - samples.start);
-                let before = done.fetch_add(count, Ordering::Relaxed);
-                self.watch.monitor.progress(before + count, total);
-                Ok(Some(counters))
-            })
-            .collect::<Result<_, pileus_film::Error>>()?;
-        let mut counters = Counters::default();
-        for tile in rendered {
-            let Some(tile) = tile else { return Ok(None) };
-            counters.merge(&tile);
-        }
-        Ok(Some(counters))
+            }
+            // A path in here may have been cut.
+            if watch.stopped() {
+                return Ok(None);
+            }
+            let pixels = u64::from(tile.width) * u64::from(tile.height);
+            let count = pixels * (numbers.end - numbers.start);
+            let before = done.fetch_add(count, Ordering::Relaxed);
+            watch.monitor.progress(before + count, total);
+            Ok(Some(counters))
+        };
+        in_parallel(self.tiles, &render)
     }
+}
+
+/// Renders tiles on the current rayon pool. Compiled once for all kernels.
+fn in_parallel(tiles: &mut [Tile], render: &(dyn Fn(&mut Tile) -> Counted + Sync)) -> Counted {
+    let rendered: Vec<Option<Counters>> =
+        tiles.par_iter_mut().map(render).collect::<Result<_, Error>>()?;
+    let mut counters = Counters::default();
+    for tile in rendered {
+        let Some(tile) = tile else { return Ok(None) };
+        counters.merge(&tile);
+    }
+    Ok(Some(counters))
 }

@@ -5,11 +5,11 @@ use crate::dispatch::{Parts, PlannedMedia};
 use crate::error::Error;
 use crate::kernel::PathLimits;
 use crate::lights::Lights;
-use crate::passes::{Monitor, OneSample, Passes, Watch};
+use crate::passes::{Monitor, Unmonitored, Watch, render_passes};
 use crate::plan::Plan;
 use crate::prepass::Prepass;
 use crate::settings::RenderSettings;
-use pileus_film::{Film, PixelSample};
+use pileus_film::{Crop, Film, PixelSample};
 use pileus_scene::Scene;
 use std::ops::Range;
 
@@ -94,16 +94,28 @@ impl<'a> Renderer<'a> {
         }
         let watch = Watch::new(monitor);
         let stop = || watch.stopped();
-        let (scene, settings) = (self.scene, &self.settings);
-        let mut run = Passes { scene, settings, samples, film, watch: &watch };
-        self.parts(&stop).with_planned_kernel(&mut run)
+        render_passes(&self.parts(&stop), samples, film, &watch)
     }
 
-    /// The value of one sample of one pixel: what [`Renderer::render`] adds to the film.
-    pub fn sample_pixel(&self, pixel: [u32; 2], sample: u64) -> PixelSample {
-        let (scene, settings) = (self.scene, &self.settings);
-        let mut one = OneSample { scene, settings, pixel, sample };
-        self.parts(&|| false).with_planned_kernel(&mut one)
+    /// The value of one sample of one pixel: what [`Renderer::render`] adds to the film; `None` if
+    /// that would drop it, because it is not finite.
+    ///
+    /// # Errors
+    /// If the pixel is not in the camera's image.
+    pub fn sample_pixel(
+        &self,
+        [x, y]: [u32; 2],
+        sample: u64,
+    ) -> Result<Option<PixelSample>, Error> {
+        let pixel = Crop { x0: x, y0: y, width: 1, height: 1 };
+        let mut film = Film::new(self.scene.camera.resolution(), Some(pixel))?;
+        self.render_samples(sample..sample + 1, &mut film, &Unmonitored)?;
+        let counted = film.pixel(x, y).filter(|pixel| pixel.count() > 0);
+        Ok(counted.map(|pixel| {
+            // The mean of one sample is that sample, exactly.
+            let [r, g, b, alpha] = pixel.mean().map(|value| value as f32);
+            PixelSample::new([r, g, b], alpha)
+        }))
     }
 
     fn parts<'p>(&'p self, stop: &'p (dyn Fn() -> bool + Sync)) -> Parts<'p> {

@@ -30,13 +30,13 @@ impl CameraMedia {
         }
     }
 
-    /// Those of a ray from here.
+    /// Those of a ray from here; `None`: there are none.
     #[inline(always)]
-    pub(super) fn at(&self, surfaces: Option<&Surfaces>, origin: DVec3) -> MediumStack {
+    pub(super) fn at(&self, surfaces: Option<&Surfaces>, origin: DVec3) -> Option<MediumStack> {
         match self {
             // Nearly all cameras: nothing is called, nothing copied.
-            CameraMedia::Same(media) if media.is_empty() => MediumStack::new(),
-            _ => self.of_ray(surfaces, origin),
+            CameraMedia::Same(media) if media.is_empty() => None,
+            _ => Some(self.of_ray(surfaces, origin)),
         }
     }
 

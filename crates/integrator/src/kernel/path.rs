@@ -199,7 +199,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         let depth = exponential_of_stratified(depth, sampler);
         let first = Some([depth, decision]);
         let mut branches = Branches::<'_, W::Carried, Nulls<M>>::new();
-        let path = Path {
+        let mut path = Path {
             ray,
             beta: Vec3::ONE,
             bounces: 0,
@@ -213,21 +213,20 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         if !M::Channels::DECOUPLES {
             let tracing = Tracing { radiance: Vec3::ZERO, tally, sampler, recorder };
             let (radiance, transmitted) =
-                self.follow(path, (None, None), first, &mut branches, tracing);
+                self.follow(&mut path, (None, None), first, &mut branches, tracing);
             recorder.counters().paths += 1;
             return PathSample { radiance, alpha: 1.0 - transmitted };
         }
         let (mut radiance, mut transmitted) = (Vec3::ZERO, 0.0);
-        let mut branch = Branch { path, end: None, hit: None };
+        let (mut end, mut hit) = (None, None);
         loop {
-            let Branch { path, end, hit } = branch;
             let first = if end.is_none() { first } else { None };
             let tracing = Tracing { radiance, tally, sampler, recorder };
             let seen;
-            (radiance, seen) = self.follow(path, (end, hit), first, &mut branches, tracing);
+            (radiance, seen) = self.follow(&mut path, (end, hit), first, &mut branches, tracing);
             transmitted += seen;
             let Some(next) = branches.pop() else { break };
-            branch = next;
+            Branch { path, end, hit } = next;
         }
         recorder.counters().paths += 1;
         PathSample { radiance, alpha: 1.0 - transmitted }
@@ -240,7 +239,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
     #[inline(always)]
     fn follow<'k, R: Recorder>(
         &'k self,
-        mut path: Path<'k, W::Carried>,
+        path: &mut Path<'k, W::Carried>,
         (mut resumed, mut hit): (Option<FlightEnd<Nulls<M>>>, Option<Hit>),
         mut first: Option<[f32; 2]>,
         branches: &mut Branches<'k, W::Carried, Nulls<M>>,
@@ -259,9 +258,9 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
             };
             let mut interval = None;
             if self.equiangular {
-                interval = self.equiangular_interval(&path, t_surface);
+                interval = self.equiangular_interval(path, t_surface);
                 if resumed.is_none() {
-                    self.add_equiangular_light(&path, interval, &mut tracing);
+                    self.add_equiangular_light(path, interval, &mut tracing);
                 }
             }
             let end = match resumed.take() {
@@ -333,12 +332,12 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
                     if path.bounces == 0 {
                         transmitted = path.beta.element_sum() * (1.0 / 3.0);
                     }
-                    tracing.radiance += path.beta * self.escape(&path, end.null_probability);
+                    tracing.radiance += path.beta * self.escape(path, end.null_probability);
                     break;
                 }
                 Event::Collision { t, phase, albedo, medium } => {
                     if path.bounces >= path.next_look
-                        && let Some(cut) = self.cut(&mut path, &tracing.tally)
+                        && let Some(cut) = self.cut(path, &tracing.tally)
                     {
                         tracing.recorder.counters().count_cut(cut);
                         path.bounces += 1;
@@ -348,7 +347,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
                     path.beta *= albedo;
                     let vertex = MediumInteraction { phase, incoming: path.ray.direction };
                     let at = (path.ray.at(t), interval, medium);
-                    if !self.scatter(&mut path, &vertex, at, &mut tracing) {
+                    if !self.scatter(path, &vertex, at, &mut tracing) {
                         break;
                     }
                     if self.mis
@@ -359,7 +358,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
                 }
                 Event::Surface(hit) => {
                     let nulls = end.null_probability;
-                    if !self.surface_event(&mut path, &hit, nulls, &mut tracing) {
+                    if !self.surface_event(path, &hit, nulls, &mut tracing) {
                         break;
                     }
                 }

@@ -32,8 +32,17 @@ pub(crate) struct SurfacePath {
 }
 
 impl SurfacePath {
-    pub(super) fn begin(interiors: MediumStack) -> SurfacePath {
-        SurfacePath { interiors, camera: true, straight: 0, drawn: 1.0, layer: None, vertex: None }
+    /// Of the camera's rays where nothing is around them.
+    #[inline(always)]
+    pub(super) fn begin() -> SurfacePath {
+        SurfacePath {
+            interiors: MediumStack::new(),
+            camera: true,
+            straight: 0,
+            drawn: 1.0,
+            layer: None,
+            vertex: None,
+        }
     }
 }
 

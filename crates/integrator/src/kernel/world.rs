@@ -125,7 +125,11 @@ impl World for VolumesAndSurfaces<'_> {
 
     #[inline(always)]
     fn begin(&self, ray: &Ray) -> SurfacePath {
-        SurfacePath::begin(self.camera_in.at(self.surfaces, ray.origin))
+        let mut path = SurfacePath::begin();
+        if let Some(interiors) = self.camera_in.at(self.surfaces, ray.origin) {
+            path.interiors = interiors;
+        }
+        path
     }
 
     #[inline(always)]
