@@ -5,8 +5,6 @@
 //! leaves as a reciprocal lobe `(1 - E(o)) (1 - E(i)) / (pi (1 - E_avg))`, coloured by the Fresnel
 //! factors of its bounces.
 
-use std::sync::LazyLock;
-
 use glam::Vec3;
 
 use super::fresnel::{SCHLICK_AVERAGE, schlick};
@@ -15,8 +13,8 @@ use super::table::{CosineTable, Row};
 
 /// Directional albedo of a GGX reflection: without Fresnel factor, and with Schlick's `(1 - cos)^5`
 /// as factor.
-static REFLECTION: LazyLock<CosineTable<2>> =
-    LazyLock::new(|| CosineTable::build(|r| r * r, |cos, r| quadrature(cos, r, [16, 48])));
+static REFLECTION: CosineTable<2> =
+    CosineTable::new(|r| r * r, |cos, r| quadrature(cos, r, [16, 48]));
 
 /// Midpoint rule over the random numbers of the sampling of visible normals; half a turn by
 /// symmetry.

@@ -1,7 +1,6 @@
 //! The sheen of cloth: grazing light on upright fibres (`KHR_materials_sheen`).
 
 use std::f32::consts::PI;
-use std::sync::LazyLock;
 
 use glam::Vec3;
 use pileus_math::elementary::{exp, ln};
@@ -26,9 +25,8 @@ pub(super) struct Sheen {
 }
 
 /// Directional albedo of the raw lobe over the cosine and the roughness.
-static ALBEDO: LazyLock<CosineTable<1>> = LazyLock::new(|| {
-    CosineTable::build(|r| r.max(MIN_ROUGHNESS), |cos, r| [quadrature(cos, r, 32)])
-});
+static ALBEDO: CosineTable<1> =
+    CosineTable::new(|r| r.max(MIN_ROUGHNESS), |cos, r| [quadrature(cos, r, 32)]);
 
 /// Midpoint rule over directions, even in azimuth and in the root of the cosine.
 fn quadrature(cos: f32, roughness: f32, n: u32) -> f32 {

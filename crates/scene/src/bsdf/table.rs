@@ -1,4 +1,7 @@
-//! Functions of a cosine and a roughness, tabulated once and interpolated linearly.
+//! Functions of a cosine and a roughness, tabulated where they are asked for and interpolated
+//! linearly.
+
+use std::sync::OnceLock;
 
 /// Nodes over the roughness.
 const ROWS: usize = 32;
@@ -13,10 +16,18 @@ const AVERAGE: usize = 1024;
 /// cosine, and that of `cos / (cos + s)` with `s` the cosine below which a surface of that
 /// roughness darkens: so a narrow edge at grazing angles is resolved, and stays in its column from
 /// row to row.
+///
+/// A row is made when it is first asked for: most scenes have a few roughnesses.
 pub(super) struct CosineTable<const K: usize> {
-    values: Vec<[[f32; K]; COLUMNS]>,
-    averages: Vec<[f32; K]>,
+    rows: [OnceLock<RowOfNodes<K>>; ROWS],
+    f: fn(f32, f32) -> [f32; K],
     grazing: fn(f32) -> f32,
+}
+
+/// The functions at the nodes of one roughness, and their means over the hemisphere.
+struct RowOfNodes<const K: usize> {
+    values: [[f32; K]; COLUMNS],
+    average: [f32; K],
 }
 
 /// Place of a cosine along a row, from 0 to 1.
@@ -37,44 +48,44 @@ fn cosine(x: f32, grazing: f32) -> f32 {
 }
 
 impl<const K: usize> CosineTable<K> {
-    /// Evaluates `f(cosine, roughness)` at the nodes. `grazing` is the cosine of the edge for a
-    /// roughness.
-    pub(super) fn build(
+    /// The table of `f(cosine, roughness)`. `grazing` is the cosine of the edge for a roughness.
+    pub(super) const fn new(
         grazing: fn(f32) -> f32,
-        f: impl Fn(f32, f32) -> [f32; K],
+        f: fn(f32, f32) -> [f32; K],
     ) -> CosineTable<K> {
-        let positive = |roughness: f32| grazing(roughness).max(1e-5);
-        let values: Vec<[[f32; K]; COLUMNS]> = (0..ROWS)
-            .map(|row| {
-                let roughness = row as f32 / (ROWS - 1) as f32;
-                let edge = positive(roughness);
-                std::array::from_fn(|k| f(cosine(k as f32 / (COLUMNS - 1) as f32, edge), roughness))
-            })
-            .collect();
-        let averages = (0..ROWS)
-            .map(|row| {
-                let edge = positive(row as f32 / (ROWS - 1) as f32);
-                let mut sum = [0.0f64; K];
-                for n in 0..AVERAGE {
-                    // Even in the root of the cosine.
-                    let x = (n as f64 + 0.5) / AVERAGE as f64;
-                    let (k, t) = place(column((x * x) as f32, edge), COLUMNS);
-                    for (sum, (a, b)) in
-                        sum.iter_mut().zip(values[row][k].iter().zip(values[row][k + 1]))
-                    {
-                        *sum += f64::from(a + t * (b - a)) * 4.0 * x.powi(3) / AVERAGE as f64;
-                    }
-                }
-                sum.map(|sum| sum as f32)
-            })
-            .collect();
-        CosineTable { values, averages, grazing }
+        CosineTable { rows: [const { OnceLock::new() }; ROWS], f, grazing }
     }
 
     /// The functions of the cosine for one roughness in [0, 1].
     pub(super) fn row(&'static self, roughness: f32) -> Row<K> {
         let (lower, fraction) = place(roughness, ROWS);
-        Row { table: self, lower, fraction, grazing: (self.grazing)(roughness).max(1e-5) }
+        let [low, high] = [lower, lower + 1].map(|row| self.nodes(row));
+        Row { low, high, fraction, grazing: self.edge(roughness) }
+    }
+
+    fn edge(&self, roughness: f32) -> f32 {
+        (self.grazing)(roughness).max(1e-5)
+    }
+
+    fn nodes(&self, row: usize) -> &RowOfNodes<K> {
+        self.rows[row].get_or_init(|| self.make(row as f32 / (ROWS - 1) as f32))
+    }
+
+    #[cold]
+    fn make(&self, roughness: f32) -> RowOfNodes<K> {
+        let edge = self.edge(roughness);
+        let node = |k: usize| cosine(k as f32 / (COLUMNS - 1) as f32, edge);
+        let values: [[f32; K]; COLUMNS] = std::array::from_fn(|k| (self.f)(node(k), roughness));
+        let mut sum = [0.0f64; K];
+        for n in 0..AVERAGE {
+            // Even in the root of the cosine.
+            let x = (n as f64 + 0.5) / AVERAGE as f64;
+            let (k, t) = place(column((x * x) as f32, edge), COLUMNS);
+            for (sum, (a, b)) in sum.iter_mut().zip(values[k].iter().zip(values[k + 1])) {
+                *sum += f64::from(a + t * (b - a)) * 4.0 * x.powi(3) / AVERAGE as f64;
+            }
+        }
+        RowOfNodes { values, average: sum.map(|sum| sum as f32) }
     }
 }
 
@@ -89,15 +100,15 @@ fn place(x: f32, nodes: usize) -> (usize, f32) {
 /// Functions of the cosine for one roughness.
 #[derive(Clone, Copy)]
 pub(super) struct Row<const K: usize> {
-    table: &'static CosineTable<K>,
-    lower: usize,
+    low: &'static RowOfNodes<K>,
+    high: &'static RowOfNodes<K>,
     fraction: f32,
     grazing: f32,
 }
 
 impl<const K: usize> std::fmt::Debug for Row<K> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "Row({})", self.lower as f32 + self.fraction)
+        write!(f, "Row({:?})", self.average())
     }
 }
 
@@ -106,7 +117,7 @@ impl<const K: usize> Row<K> {
     #[inline]
     pub(super) fn at(&self, cos: f32) -> [f32; K] {
         let (column, t) = place(column(cos, self.grazing), COLUMNS);
-        let (low, high) = (&self.table.values[self.lower], &self.table.values[self.lower + 1]);
+        let (low, high) = (&self.low.values, &self.high.values);
         std::array::from_fn(|k| {
             let a = low[column][k] + t * (low[column + 1][k] - low[column][k]);
             let b = high[column][k] + t * (high[column + 1][k] - high[column][k]);
@@ -117,7 +128,7 @@ impl<const K: usize> Row<K> {
     /// Means over the hemisphere, weighted by the cosine.
     #[inline]
     pub(super) fn average(&self) -> [f32; K] {
-        let (low, high) = (&self.table.averages[self.lower], &self.table.averages[self.lower + 1]);
+        let (low, high) = (&self.low.average, &self.high.average);
         std::array::from_fn(|k| low[k] + self.fraction * (high[k] - low[k]))
     }
 }
@@ -125,10 +136,8 @@ impl<const K: usize> Row<K> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::sync::LazyLock;
 
-    static TABLE: LazyLock<CosineTable<2>> =
-        LazyLock::new(|| CosineTable::build(|r| r * r, |mu, r| [mu * (1.0 + r), 1.0 - r]));
+    static TABLE: CosineTable<2> = CosineTable::new(|r| r * r, |mu, r| [mu * (1.0 + r), 1.0 - r]);
 
     #[test]
     fn smooth_functions_and_their_averages() {

@@ -185,7 +185,7 @@ impl Camera {
     /// Right and up from the middle of the film, in the units of `half_height`.
     #[inline]
     fn on_film(&self, film: [f64; 2]) -> [f64; 2] {
-        let [width, height] = self.resolution.map(f64::from);
+        let (width, height) = (f64::from(self.resolution[0]), f64::from(self.resolution[1]));
         let scale = 2.0 * self.half_height / height;
         [(film[0] - 0.5 * width) * scale, (0.5 * height - film[1]) * scale]
     }
