@@ -25,6 +25,7 @@ OUTDIR gets peers.csv (one row a render), peers.md (medians) and the images.
 """
 import argparse
 import csv
+import functools
 import json
 import os
 import platform
@@ -147,6 +148,11 @@ def run_base(o, job_file, job, scene_file, out, spp, seed):
     return run_build(o.base, o, job_file, job, out, spp, seed)
 
 
+@functools.cache
+def help_of(build):
+    return subprocess.run([build, "render", "--help"], capture_output=True, text=True).stdout
+
+
 def run_build(build, o, job_file, job, out, spp, seed):
     if o.assets:      # the job's volumes from another folder
         job = json.loads(json.dumps(job))
@@ -159,7 +165,9 @@ def run_build(build, o, job_file, job, out, spp, seed):
     named = job.get("output", {}).get("stats")
     stats = job_file.parent / named if named else out.with_suffix(".stats.json")
     stats.unlink(missing_ok=True)
-    _, cpu = call_timed([build, "render", job_file, "--spp", spp, "--threads", o.threads, "--seed", seed, "-o", out, "-q"],
+    # The same files of every build, and what the peers write: images, no picture for the eye.
+    options = ["--no-preview"] if "--no-preview" in help_of(build) else []
+    _, cpu = call_timed([build, "render", job_file, "--spp", spp, "--threads", o.threads, "--seed", seed, "-o", out, "-q", *options],
                         out.with_suffix(".log"))
     s = json.loads(stats.read_text())
     t = s["seconds"]

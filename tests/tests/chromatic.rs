@@ -137,6 +137,28 @@ fn parted_channels_are_weighted_against_shadow_rays() {
     }
 }
 
+/// Where flights carry weights one of all points of emission on them is drawn: a glowing box that
+/// scatters nothing has the radiance `e (1 - exp(-s L)) / s` per channel, by flights that part and
+/// by weights over channels.
+#[test]
+fn glowing_boxes_shine_as_the_integral_says() {
+    let (sigma_t, color) = ([1.5f32, 0.5, 0.1], [2.0f32, 3.0, 1.0]);
+    for distance in [DistanceSampler::Split, DistanceSampler::Spectral] {
+        let mut scene = scene(vec![], EYE, DVec3::ZERO, 40.0);
+        scene.volumes.push(glowing_cube(1.0, sigma_t, [0.0; 3], color));
+        let settings = RenderSettings { distance: Some(distance), ..point_filter(128, 4) };
+        let result = rendered(&scene, &settings);
+        assert_expected(&format!("{distance:?}"), &result, 5e-3, |x, y| {
+            let (o, d) = pixel_ray(&scene, x, y);
+            let length = cube_span(o, d, 1.0).map_or(0.0, |(a, b)| b - a);
+            [0, 1, 2].map(|c| {
+                let (s, e) = (f64::from(sigma_t[c]), f64::from(color[c]));
+                e * (1.0 - (-s * length).exp()) / s
+            })
+        });
+    }
+}
+
 /// What parting is for: without weights the noise at equal samples is well below that of weights
 /// over channels. A fixed seed; the factor asked for is half of what was measured.
 #[test]

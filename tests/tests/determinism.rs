@@ -1,7 +1,9 @@
 //! The same bits on any number of threads, in any tiles and passes, in any split.
 
 use glam::{DVec3, Vec3};
-use pileus_film::Film;
+use pileus_film::{
+    BACKGROUND, BEAUTY, DIRECT, EMISSION, FIRST_LAYERS, Film, INDIRECT, LAYERS, Layer,
+};
 use pileus_integrator::{RenderSettings, Renderer, Unmonitored};
 use pileus_media::Phase;
 use pileus_scene::{Camera, EnvironmentImage, Light, Point, Scene};
@@ -95,8 +97,9 @@ fn state(film: &Film) -> Vec<u8> {
     bytes
 }
 
+/// A film with all layers that there are.
 fn film(scene: &Scene, settings: &RenderSettings, threads: usize) -> Film {
-    let mut film = Film::new(scene.camera.resolution(), None).unwrap();
+    let mut film = Film::with_layers(scene.camera.resolution(), None, &LAYERS).unwrap();
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
     pool.install(|| {
         Renderer::new(scene, settings).expect("a plan").render(&mut film, &Unmonitored)
@@ -125,7 +128,7 @@ fn any_split_merges_to_the_whole() {
     for scene in scenes() {
         let whole = state(&film(&scene, &settings(20, 3), 2));
         for cuts in [vec![0, 1, 20], vec![0, 7, 8, 20], vec![0, 5, 10, 15, 20]] {
-            let mut merged = Film::new(scene.camera.resolution(), None).unwrap();
+            let mut merged = Film::with_layers(scene.camera.resolution(), None, &LAYERS).unwrap();
             // In reverse: order must not matter either.
             for pair in cuts.windows(2).rev() {
                 let slice = RenderSettings { samples: pair[0]..pair[1], ..settings(0, 3) };
@@ -149,6 +152,47 @@ fn a_sample_is_what_the_render_adds() {
                 moments.add(sample, &alone);
             }
             assert_eq!(film.pixel(x, y), Some(&moments));
+        }
+    }
+}
+
+#[test]
+fn layers_change_no_bit_of_the_picture() {
+    for scene in scenes() {
+        let settings = settings(5, 3);
+        let with = film(&scene, &settings, 2);
+        let without = rendered(&scene, &settings).film;
+        let first = &LAYERS[..FIRST_LAYERS];
+        assert_eq!(with.image_of(first).unwrap(), without.image_of(first).unwrap());
+        assert_eq!(with.values_left_out(), 0);
+    }
+}
+
+/// Background, emission, direct and indirect light are the picture, as the four are written.
+#[test]
+fn parts_of_the_light_add_up() {
+    let ulp = |v: f32| f32::from_bits(v.abs().to_bits() + 1) - v.abs();
+    for (i, scene) in scenes().into_iter().enumerate() {
+        for most in [f32::MAX, 0.7] {
+            let clamp = (most < f32::MAX).then_some(most);
+            let film = film(&scene, &RenderSettings { clamp, ..settings(6, 5) }, 2);
+            let plane = |layer: &'static Layer, c: usize| {
+                let image = film.image_of(&[layer]).unwrap();
+                image.channel(layer.channels[c]).unwrap().to_vec()
+            };
+            for c in 0..3 {
+                let beauty = plane(&BEAUTY, c);
+                let parts = [&BACKGROUND, &EMISSION, &DIRECT, &INDIRECT].map(|l| plane(l, c));
+                for (p, own) in beauty.iter().enumerate() {
+                    let sum: f32 = parts.iter().map(|part| part[p]).sum();
+                    let largest = parts.iter().fold(*own, |most, part| most.max(part[p].abs()));
+                    assert!((sum - own).abs() <= 4.0 * ulp(largest), "{i} {c}: {sum} for {own}");
+                }
+                // All kinds are there: the first three scenes emit nothing, the last has no sky.
+                let total = |k: usize| parts[k].iter().map(|v| f64::from(*v)).sum::<f64>();
+                let there = [i < 4, i >= 3, true, true];
+                assert_eq!([0, 1, 2, 3].map(|k| total(k) > 0.0), there, "{i}");
+            }
         }
     }
 }

@@ -274,6 +274,22 @@ fn marched_flights_lose_their_bias_at_second_order() {
     assert!(h.worst_z(&case, &[1.0]) < 5.0);
 }
 
+/// What weights are made of: under a bound of four times the extinction a null collision is one with
+/// probability 3/4, and each is told.
+#[test]
+fn delta_tracking_tells_the_probability_of_each_null_collision() {
+    let bounds = ProgressiveBounds::new(3.0, 8, 4.0);
+    let (mut rng, mut tally, mut told) = (Pcg32::new(7, 7), Tally::default(), 0);
+    for _ in 0..1000 {
+        let walk = TentativeCollisions::new(bounds.ray(|_| 1.0));
+        delta_tracking(walk, &mut rng, &mut tally, |probability| {
+            assert_eq!(probability, 0.75);
+            told += 1;
+        });
+    }
+    assert!(told > 1000 && told == tally.null_collisions, "{told} {tally:?}");
+}
+
 /// Guessed bounds that learn: the first samples are biased bright, the mean over all converges,
 /// nothing is negative.
 #[test]

@@ -1,6 +1,6 @@
 //! Which channels of an image are its colour, by their names.
 
-use crate::layer::LAYERS;
+use crate::layer::{BACKGROUND, DIRECT, EMISSION, INDIRECT, LAYERS, Layer as FilmLayer};
 
 /// The channels that are an image's colour.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -23,11 +23,15 @@ impl ColorChannels {
 /// Names of layers that are a renderer's picture, beside passes of other meaning.
 const PICTURES: [&str; 6] = ["combined", "beauty", "rgba", "rgb", "color", "main"];
 
-/// Whether a layer says how well a picture is known, as those of our files of layers do: no
-/// picture, whatever else the file lacks.
+/// Layers of a film that are pictures themselves, of some of the light.
+static PARTS_OF_LIGHT: [&FilmLayer; 4] = [&BACKGROUND, &EMISSION, &DIRECT, &INDIRECT];
+
+/// Whether a layer says how well a picture is known, or what is in it, as most of our files of
+/// layers do: no picture, whatever else the file lacks.
 fn is_about_a_picture(layer: &str) -> bool {
     let last = layer.rsplit('.').next();
-    let channels = LAYERS.iter().filter(|known| !known.is_picture()).flat_map(|k| k.channels);
+    let about = |known: &&&FilmLayer| !known.is_picture() && !PARTS_OF_LIGHT.contains(known);
+    let channels = LAYERS.iter().filter(about).flat_map(|known| known.channels);
     channels.filter_map(|channel| channel.rsplit_once('.')).any(|(known, _)| Some(known) == last)
 }
 

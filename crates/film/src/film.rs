@@ -9,7 +9,7 @@ use crate::crop::{Crop, checked_window};
 use crate::error::Error;
 use crate::image::{Image, Window};
 use crate::layer::{ALPHA, BEAUTY, Layer, VARIANCE};
-use crate::layer_set::{FIRST_VALUES, LayerSet, reconstruct};
+use crate::layer_set::{FIRST_VALUES, LayerSet, Placed};
 use crate::memory::{bytes_per_pixel, samples_per_pass};
 use crate::moments::{PixelMoments, PixelSample};
 use crate::tile::Tile;
@@ -120,6 +120,12 @@ impl Film {
     /// Layers of the film: the first ones, then those that were asked for.
     pub fn layers(&self) -> &[&'static Layer] {
         self.layers.layers()
+    }
+
+    /// Whether some layer takes values from samples and from what paths told: if not, paths need not
+    /// be asked.
+    pub fn takes_records(&self) -> bool {
+        self.layers.sums() > 0
     }
 
     /// Bytes that its sums have been given: [`FilmMemory::sums`](crate::FilmMemory::sums),
@@ -281,14 +287,14 @@ impl Film {
     ///
     /// The image has the size of the crop window and is placed in the full image.
     pub fn image(&self) -> Image {
-        self.planes([&BEAUTY, &ALPHA].map(|layer| (layer, 0, layer.channels)))
+        self.planes([&BEAUTY, &ALPHA].map(|layer| (layer, layer.channels)))
     }
 
     /// The layer [`VARIANCE`] with its channels called R, G, B, A, as those of the picture whose
     /// means they are about.
     pub fn variance(&self) -> Image {
         let names = ["R", "G", "B", "A"];
-        self.planes([(&VARIANCE, 0, names.as_slice())])
+        self.planes([(&VARIANCE, names.as_slice())])
     }
 
     /// The channels of layers of this film, as an image of the size of the crop window that is
@@ -297,27 +303,29 @@ impl Film {
     /// # Errors
     /// [`Error::Invalid`] for a layer that the film does not have.
     pub fn image_of(&self, layers: &[&Layer]) -> Result<Image, Error> {
-        let places = layers.iter().map(|layer| match self.layers.first_sum(layer) {
-            Some(first) => Ok((*layer, first, layer.channels)),
-            None => Err(Error::invalid(
-                "film",
-                format!("it has no layer {:?}", layer.name),
-                "ask for it when the film is made",
-            )),
-        });
-        Ok(self.planes(places.collect::<Result<Vec<_>, _>>()?))
+        for layer in layers {
+            if self.layers.first_sum(layer).is_none() {
+                return Err(Error::invalid(
+                    "film",
+                    format!("it has no layer {:?}", layer.name),
+                    "ask for it when the film is made",
+                ));
+            }
+        }
+        Ok(self.planes(layers.iter().map(|layer| (*layer, layer.channels))))
     }
 
-    /// Planes of layers: each with the place of its sums in a pixel, and names for its channels.
+    /// Planes of layers of this film, with names for the channels of each.
     fn planes<'l>(
         &self,
-        layers: impl IntoIterator<Item = (&'l Layer, usize, &'l [&'static str])>,
+        layers: impl IntoIterator<Item = (&'l Layer, &'l [&'static str])>,
     ) -> Image {
         let per_pixel = self.layers.sums();
         let mut planes: Vec<(&str, Vec<f32>)> = Vec::new();
         let mut parts = Vec::new();
-        for (layer, first, names) in layers {
-            parts.push((layer, first, planes.len()..planes.len() + layer.channels.len()));
+        for (layer, names) in layers {
+            let Some(placed) = Placed::new(&self.layers, layer) else { continue };
+            parts.push((placed, planes.len()..planes.len() + layer.channels.len()));
             planes.extend(names.iter().map(|name| (*name, vec![0.0; self.pixels.len()])));
         }
         let pixels_of_a_band = self.crop.width as usize * ROWS_OF_A_BAND;
@@ -333,10 +341,10 @@ impl Film {
         bands.into_par_iter().for_each(|(start, pixels, mut own)| {
             let mut values = vec![0.0; own.len()];
             for (i, pixel) in pixels.iter().enumerate() {
-                for (layer, first, channels) in &parts {
-                    let sums = (start + i) * per_pixel;
-                    let sums = self.sums.get(sums + first..sums + per_pixel);
-                    reconstruct(layer, pixel, sums.unwrap_or(&[]), &mut values[channels.clone()]);
+                let sums = (start + i) * per_pixel;
+                let sums = self.sums.get(sums..sums + per_pixel).unwrap_or(&[]);
+                for (layer, channels) in &parts {
+                    layer.reconstruct(pixel, sums, &mut values[channels.clone()]);
                 }
                 for (plane, value) in own.iter_mut().zip(&values) {
                     plane[i] = *value;

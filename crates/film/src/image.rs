@@ -196,6 +196,14 @@ impl Image {
         (!channels.is_empty()).then(|| Self { data, display, channels, metadata: Vec::new() })
     }
 
+    /// Its channels in two images: those whose name is chosen, and the others.
+    pub fn split(self, chosen: impl Fn(&str) -> bool) -> (Self, Self) {
+        let Self { data, display, channels, metadata } = self;
+        let (own, others) = channels.into_iter().partition(|channel| chosen(&channel.name));
+        let rest = Self { data, display, channels: others, metadata: metadata.clone() };
+        (Self { data, display, channels: own, metadata }, rest)
+    }
+
     /// The value of a channel at column `x` and row `y`, counted from the first stored pixel.
     pub fn get(&self, name: &str, x: u32, y: u32) -> Option<f32> {
         let index = self.index(x, y)?;

@@ -3,8 +3,9 @@
 use crate::channel_sum::ChannelSum;
 use crate::error::Error;
 use crate::image::MAX_CHANNELS;
-use crate::layer::{FIRST_LAYERS, LAYERS, Layer, Reconstruction};
+use crate::layer::{FIRST_LAYERS, LAYERS, Layer, Reconstruction, Take};
 use crate::moments::{PixelMoments, PixelSample};
+use crate::path_record::PathRecord;
 
 /// Values of a sample that every film has: R, G, B and alpha.
 pub(crate) const FIRST_VALUES: usize = 4;
@@ -13,7 +14,7 @@ pub(crate) const FIRST_VALUES: usize = 4;
 #[derive(Clone, Copy, Debug)]
 struct Taken {
     values: usize,
-    take: fn(&PixelSample, &mut [f32]),
+    take: Take,
 }
 
 /// The first layers, and those that were asked for.
@@ -26,7 +27,8 @@ pub(crate) struct LayerSet {
 }
 
 impl LayerSet {
-    /// The first layers and `further` ones; those that are there already are not added twice.
+    /// The first layers and `further` ones, each after those that it comes from; those that are
+    /// there already are not added twice.
     ///
     /// # Errors
     /// Names that cannot be stored, names or channels that two different layers share, too many
@@ -34,11 +36,13 @@ impl LayerSet {
     pub(crate) fn new(further: &[&'static Layer]) -> Result<Self, Error> {
         let mut layers: Vec<&'static Layer> = LAYERS[..FIRST_LAYERS].to_vec();
         for &layer in further {
-            if layers.contains(&layer) {
-                continue;
+            for &layer in layer.needs().iter().chain([&layer]) {
+                if layers.contains(&layer) {
+                    continue;
+                }
+                check(layer, &layers)?;
+                layers.push(layer);
             }
-            check(layer, &layers)?;
-            layers.push(layer);
         }
         let channels: usize = layers.iter().map(|layer| layer.channels.len()).sum();
         if channels > MAX_CHANNELS {
@@ -51,7 +55,9 @@ impl LayerSet {
         let taken: Vec<Taken> = layers
             .iter()
             .filter_map(|layer| match layer.reconstruction {
-                Reconstruction::Mean(take) => Some(Taken { values: layer.channels.len(), take }),
+                Reconstruction::Mean(take) | Reconstruction::WeightedMean { take, .. } => {
+                    Some(Taken { values: layer.sums(), take })
+                }
                 _ => None,
             })
             .collect();
@@ -73,12 +79,17 @@ impl LayerSet {
         FIRST_VALUES + self.sums
     }
 
-    /// Fills one value for each sum from a sample; tells how many were not finite and are zero.
-    pub(crate) fn take(&self, sample: &PixelSample, mut values: &mut [f32]) -> u64 {
+    /// Fills one value for each sum from a sample and what its path told; tells how many were not finite and are zero.
+    pub(crate) fn take(
+        &self,
+        sample: &PixelSample,
+        path: &PathRecord,
+        mut values: &mut [f32],
+    ) -> u64 {
         let mut left_out = 0;
         for taken in &self.taken {
             let Some((own, rest)) = values.split_at_mut_checked(taken.values) else { break };
-            (taken.take)(sample, own);
+            (taken.take)(sample, path, own);
             for value in own.iter_mut().filter(|value| !value.is_finite()) {
                 *value = 0.0;
                 left_out += 1;
@@ -95,18 +106,51 @@ impl LayerSet {
     }
 }
 
-/// The values of a layer in a pixel whose sums for it are `sums`.
-pub(crate) fn reconstruct(
-    layer: &Layer,
-    pixel: &PixelMoments,
-    sums: &[ChannelSum],
-    values: &mut [f32],
-) {
-    match layer.reconstruction {
-        Reconstruction::Replicated(of) | Reconstruction::Derived(of) => of(pixel, values),
-        Reconstruction::Mean(_) => {
-            for (value, sum) in values.iter_mut().zip(sums) {
-                *value = sum.mean(pixel.count()) as f32;
+/// A layer of a film, and where in a pixel the sums are that it comes from.
+pub(crate) struct Placed<'l> {
+    layer: &'l Layer,
+    /// Of its own sums, or of those of each layer that it comes from.
+    first: Vec<usize>,
+}
+
+impl<'l> Placed<'l> {
+    /// A layer in a film of these; `None` if it is not there.
+    pub(crate) fn new(layers: &LayerSet, layer: &'l Layer) -> Option<Self> {
+        let own = layers.first_sum(layer)?;
+        let first = match layer.needs() {
+            [] => vec![own],
+            needs => needs.iter().map(|layer| layers.first_sum(layer)).collect::<Option<_>>()?,
+        };
+        Some(Self { layer, first })
+    }
+
+    /// Its values in a pixel with these sums.
+    pub(crate) fn reconstruct(
+        &self,
+        pixel: &PixelMoments,
+        sums: &[ChannelSum],
+        values: &mut [f32],
+    ) {
+        let mean = |sum: usize| sums.get(sum).map_or(0.0, |sum| sum.mean(pixel.count()));
+        let own = self.first.first().copied().unwrap_or(sums.len());
+        match self.layer.reconstruction {
+            Reconstruction::Replicated(of) | Reconstruction::Derived(of) => of(pixel, values),
+            Reconstruction::Mean(_) => {
+                for (value, sum) in values.iter_mut().zip(own..) {
+                    *value = mean(sum) as f32;
+                }
+            }
+            Reconstruction::WeightedMean { nothing, .. } => {
+                let weight = mean(own + values.len());
+                for (value, sum) in values.iter_mut().zip(own..) {
+                    *value = if weight == 0.0 { nothing } else { (mean(sum) / weight) as f32 };
+                }
+            }
+            Reconstruction::Remainder(_) => {
+                for (channel, value) in values.iter_mut().enumerate() {
+                    let parts: f64 = self.first.iter().map(|first| mean(first + channel)).sum();
+                    *value = (pixel.mean_of(channel) - parts) as f32;
+                }
             }
         }
     }

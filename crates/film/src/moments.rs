@@ -157,6 +157,19 @@ impl PixelMoments {
         std::array::from_fn(|channel| self.mean_of(channel))
     }
 
+    /// Means of R, G, B and alpha over the even and over the odd replicates; zero for those without
+    /// samples.
+    pub(crate) fn halves(&self) -> [[f64; 4]; 2] {
+        [0, 1].map(|half| {
+            let replicates = || (half..REPLICATES).step_by(2);
+            let count: u32 = replicates().map(|r| self.count[r]).sum();
+            std::array::from_fn(|channel| {
+                let sum: i128 = replicates().map(|r| self.sum(r, channel)).sum();
+                to_f64(sum) * lower_step(self.window[channel]) / f64::from(count.max(1))
+            })
+        })
+    }
+
     /// Mean of one channel of R, G, B and alpha.
     pub(crate) fn mean_of(&self, channel: usize) -> f64 {
         let n = f64::from(self.count().max(1));

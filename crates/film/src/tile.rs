@@ -6,6 +6,7 @@ use std::sync::Arc;
 use crate::error::Error;
 use crate::layer_set::{FIRST_VALUES, LayerSet};
 use crate::moments::PixelSample;
+use crate::path_record::PathRecord;
 
 /// The samples of one pass in a rectangle, to be added to the [`Film`](crate::Film) that made it
 /// ([`Film::tile`](crate::Film::tile)) when the pass is whole: what was cancelled before counts
@@ -81,7 +82,20 @@ impl Tile {
     /// outside the tile, a number that [`Self::start`] did not name or that the pixel has already.
     #[inline]
     pub fn add(&mut self, x: u32, y: u32, number: u64, sample: &PixelSample) -> bool {
-        let added = self.put(x, y, number, sample);
+        self.add_recorded(x, y, number, sample, &PathRecord::EMPTY)
+    }
+
+    /// [`Self::add`], with what the sample's path told for the layers that ask for it.
+    #[inline]
+    pub fn add_recorded(
+        &mut self,
+        x: u32,
+        y: u32,
+        number: u64,
+        sample: &PixelSample,
+        path: &PathRecord,
+    ) -> bool {
+        let added = self.put([x, y], number, sample, path);
         if added {
             self.samples += 1;
         } else {
@@ -91,7 +105,13 @@ impl Tile {
     }
 
     #[inline]
-    fn put(&mut self, x: u32, y: u32, number: u64, sample: &PixelSample) -> bool {
+    fn put(
+        &mut self,
+        [x, y]: [u32; 2],
+        number: u64,
+        sample: &PixelSample,
+        path: &PathRecord,
+    ) -> bool {
         let [r, g, b] = sample.rgb;
         let first = [r, g, b, sample.alpha];
         let Some(at) = self.index(x, y, number) else { return false };
@@ -106,7 +126,7 @@ impl Tile {
         }
         *own = first;
         if !further.is_empty() {
-            self.left_out += self.layers.take(sample, further);
+            self.left_out += self.layers.take(sample, path, further);
         }
         true
     }

@@ -6,7 +6,7 @@ static PAIR: Layer = Layer {
     name: "pair",
     meaning: "two means",
     channels: &["pair.X", "pair.Y"],
-    reconstruction: Reconstruction::Mean(|sample, values| {
+    reconstruction: Reconstruction::Mean(|sample, _, values| {
         values.copy_from_slice(&sample.rgb[..2]);
     }),
 };

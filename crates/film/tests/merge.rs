@@ -164,7 +164,7 @@ static LUMINANCE: Layer = Layer {
     name: "luminance",
     meaning: "a mean of one channel",
     channels: &["luminance.Y"],
-    reconstruction: Reconstruction::Mean(|sample, value| {
+    reconstruction: Reconstruction::Mean(|sample, _, value| {
         value[0] = 0.25 * sample.rgb[0] + 0.5 * sample.rgb[1] + 0.25 * sample.rgb[2];
     }),
 };
@@ -174,7 +174,7 @@ static PRODUCTS: Layer = Layer {
     name: "products",
     meaning: "a mean of two channels over all floats",
     channels: &["products.X", "products.Y"],
-    reconstruction: Reconstruction::Mean(|sample, values| {
+    reconstruction: Reconstruction::Mean(|sample, _, values| {
         values[0] = sample.rgb[1] * sample.rgb[1];
         values[1] = -sample.alpha;
     }),

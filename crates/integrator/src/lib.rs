@@ -7,6 +7,7 @@ mod counters;
 mod dispatch;
 mod error;
 mod kernel;
+mod layers;
 mod lights;
 mod media;
 mod passes;

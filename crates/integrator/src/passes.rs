@@ -5,6 +5,7 @@ use crate::counters::Counters;
 use crate::dispatch::{Job, Parts};
 use crate::error::Error;
 use crate::kernel::{Kernel, World, luminance};
+use crate::layers::{RenderRecorder, SceneRecord};
 use crate::media::Media;
 use crate::sampler::PathSampler;
 use crate::settings::RenderSettings;
@@ -62,8 +63,8 @@ const PATHS_BETWEEN_LOOKS: u32 = 64;
 /// Seconds that a pass should take: what a cancelled render loses at most, roughly.
 const PASS_SECONDS: f64 = 2.0;
 
-/// How much longer the pass after a short one is made: each goes through the whole film once.
-const PASS_GROWTH: u64 = 4;
+/// How much longer than the last a pass may be: each goes through the whole film once.
+const PASS_GROWTH: u64 = 16;
 
 /// Traces one sample of one pixel.
 #[inline(always)]
@@ -73,7 +74,7 @@ fn trace<M: Media, W: World>(
     settings: &RenderSettings,
     [x, y]: [u32; 2],
     sample: u64,
-    counters: &mut Counters,
+    recorder: &mut RenderRecorder<'_>,
 ) -> PixelSample {
     let mut sampler = PathSampler::new(settings.seed, x, y, sample);
     let [u, v, depth, decision] = sampler.stratified(0);
@@ -81,12 +82,15 @@ fn trace<M: Media, W: World>(
     let film =
         [f64::from(x) + 0.5 + f64::from(offset[0]), f64::from(y) + 0.5 + f64::from(offset[1])];
     let ray = camera_ray(&scene.camera, film, &sampler);
-    let mut value = kernel.trace(ray, [depth, decision], &mut sampler, counters);
+    let mut value = kernel.trace(ray, [depth, decision], &mut sampler, recorder);
     if let Some(most) = settings.clamp {
         let found = luminance(value.radiance);
         if found > most {
             value.radiance *= most / found;
-            counters.clamped += 1;
+            recorder.counters.clamped += 1;
+            if let Some(layers) = &mut recorder.layers {
+                layers.scale_light(most / found);
+            }
         }
     }
     PixelSample::new(value.radiance.to_array(), value.alpha)
@@ -118,6 +122,7 @@ pub(crate) fn render_passes(
             scene: parts.scene,
             settings: parts.settings,
             numbers: numbers.clone(),
+            records: film.takes_records(),
             tiles: &mut tiles,
             watch,
             done: &done,
@@ -133,8 +138,9 @@ pub(crate) fn render_passes(
         // Longer passes cost less overhead, shorter ones lose less when cancelled and take less
         // memory.
         let seconds = start.elapsed().as_secs_f64();
-        if seconds * PASS_GROWTH as f64 <= PASS_SECONDS {
-            length = (length * PASS_GROWTH).min(film.samples_per_pass());
+        let wanted = length as f64 * PASS_SECONDS / seconds.max(1e-6);
+        if wanted >= 2.0 * length as f64 {
+            length = (wanted as u64).min(length * PASS_GROWTH).min(film.samples_per_pass());
         } else if seconds > 2.0 * PASS_SECONDS {
             length = (length / 2).max(1);
         }
@@ -147,6 +153,8 @@ struct Pass<'a> {
     scene: &'a Scene,
     settings: &'a RenderSettings,
     numbers: Range<u64>,
+    /// Whether layers ask for what paths tell.
+    records: bool,
     tiles: &'a mut [Tile],
     watch: &'a Watch<'a>,
     /// Pixel samples done so far, and to do, in all passes.
@@ -161,13 +169,14 @@ impl Job for Pass<'_> {
     type Output = Counted;
 
     fn run<M: Media, W: World>(&mut self, kernel: &Kernel<'_, M, W>) -> Counted {
-        let Pass { scene, settings, watch, done, total, .. } = *self;
+        let Pass { scene, settings, watch, done, total, records, .. } = *self;
         let numbers = &self.numbers;
         let render = |tile: &mut Tile| -> Counted {
             tile.start(numbers.clone())?;
             let (columns, rows) = (tile.x0..tile.x0 + tile.width, tile.y0..tile.y0 + tile.height);
             let mut before_look = 1u32;
-            let mut counters = Counters::default();
+            let layers = records.then(|| SceneRecord::new(scene));
+            let mut recorder = RenderRecorder { counters: Counters::default(), layers };
             for y in rows {
                 for x in columns.clone() {
                     for sample in numbers.clone() {
@@ -178,8 +187,11 @@ impl Job for Pass<'_> {
                             }
                             before_look = PATHS_BETWEEN_LOOKS;
                         }
-                        let value = trace(kernel, scene, settings, [x, y], sample, &mut counters);
-                        tile.add(x, y, sample, &value);
+                        let value = trace(kernel, scene, settings, [x, y], sample, &mut recorder);
+                        match &mut recorder.layers {
+                            None => tile.add(x, y, sample, &value),
+                            Some(path) => tile.add_recorded(x, y, sample, &value, &path.take()),
+                        };
                     }
                 }
             }
@@ -191,7 +203,7 @@ impl Job for Pass<'_> {
             let count = pixels * (numbers.end - numbers.start);
             let before = done.fetch_add(count, Ordering::Relaxed);
             watch.monitor.progress(before + count, total);
-            Ok(Some(counters))
+            Ok(Some(recorder.counters))
         };
         in_parallel(self.tiles, &render)
     }

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand};
-use pileus_film::{FIRST_LAYERS, LAYERS};
+use pileus_film::{DENOISED, DENOISED_MEANING, FIRST_LAYERS, LAYERS};
 use pileus_media::Interpolation;
 use pileus_media::method::Named;
 use pileus_media::transmittance::Estimator;
@@ -308,6 +308,12 @@ pub struct RenderOptions {
     /// Layers to keep besides the job's, separated by commas.
     #[arg(long, value_name = "LAYERS", conflicts_with = "no_layers", value_delimiter = ',', value_parser = layer_names())]
     pub aov: Vec<String>,
+    /// Denoise the picture to look at, and keep it as the layer `denoised`, too.
+    #[arg(long, conflicts_with_all = ["no_denoise", "no_layers"])]
+    pub denoise: bool,
+    /// Show the noise in the picture to look at.
+    #[arg(long)]
+    pub no_denoise: bool,
     /// Write no picture to look at.
     #[arg(long, conflicts_with = "preview")]
     pub no_preview: bool,
@@ -403,7 +409,10 @@ fn parse_stops(text: &str) -> Result<f32, String> {
 fn layer_names() -> impl TypedValueParser<Value = String> {
     let layers = LAYERS[FIRST_LAYERS..].iter();
     PossibleValuesParser::new(
-        layers.map(|layer| PossibleValue::new(layer.name).help(layer.meaning)),
+        layers
+            .map(|layer| (layer.name, layer.meaning))
+            .chain([(DENOISED, DENOISED_MEANING)])
+            .map(|(name, meaning)| PossibleValue::new(name).help(meaning)),
     )
 }
 
@@ -444,6 +453,7 @@ impl RenderOptions {
             g: self.g,
             exposure: self.exposure,
             aovs: self.aov.clone(),
+            denoise: (self.denoise || self.no_denoise).then_some(self.denoise),
             no_preview: self.no_preview,
             no_stats: self.no_stats,
             no_layers: self.no_layers,

@@ -254,11 +254,17 @@ mod tests {
         numbers.extend(scale);
         for name in ["ScaleTranslateMap", "UniformScaleTranslateMap"] {
             let transform = read(&file_of(name, &numbers)).unwrap();
-            let expected = scale_translate([2.0, 3.0, 4.0], [5.0, 6.0, 7.0]);
+            let expected = [
+                [2.0, 0.0, 0.0, 0.0],
+                [0.0, 3.0, 0.0, 0.0],
+                [0.0, 0.0, 4.0, 0.0],
+                [5.0, 6.0, 7.0, 1.0],
+            ];
             assert_eq!(transform.matrix().unwrap(), expected);
         }
         let transform = read(&file_of("TranslationMap", &[5.0, 6.0, 7.0])).unwrap();
-        assert_eq!(transform.matrix().unwrap(), scale_translate([1.0; 3], [5.0, 6.0, 7.0]));
+        assert_eq!(transform.matrix().unwrap()[3], [5.0, 6.0, 7.0, 1.0]);
+        assert_eq!(transform.matrix().unwrap()[..3], IDENTITY[..3]);
         let turn =
             [0.0, 1.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0];
         for name in ["UnitaryMap", "AffineMap"] {

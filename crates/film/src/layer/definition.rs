@@ -1,6 +1,7 @@
 //! What a layer is.
 
 use crate::moments::{PixelMoments, PixelSample};
+use crate::path_record::PathRecord;
 
 /// A named set of channels, and how it comes from samples.
 ///
@@ -13,7 +14,7 @@ use crate::moments::{PixelMoments, PixelSample};
 ///     name: "luminance",
 ///     meaning: "luminance of Rec. 709 radiance",
 ///     channels: &["luminance.Y"],
-///     reconstruction: Reconstruction::Mean(|sample, value| {
+///     reconstruction: Reconstruction::Mean(|sample, _, value| {
 ///         let [r, g, b] = sample.rgb;
 ///         value[0] = 0.2126 * r + 0.7152 * g + 0.0722 * b;
 ///     }),
@@ -58,13 +59,28 @@ pub enum Reconstruction {
     /// A function of those sums and of no sample: it takes no bytes, nothing happens for it while
     /// rendering, and it merges with them.
     Derived(fn(&PixelMoments, &mut [f32])),
-    /// Mean over the samples that count, of values that the function takes from each. Exact sums of
-    /// 16 bytes a channel and pixel, without a variance of their own; they merge by addition, bit
-    /// for bit. Values that are not finite count as zero and are told by
-    /// [`Film::values_left_out`](crate::Film::values_left_out): the sample stays in all other
+    /// Mean over the samples that count, of values that the function takes from each and from what
+    /// its path told. Exact sums of 16 bytes a channel and pixel, without a variance of their own;
+    /// they merge by addition, bit for bit. Values that are not finite count as zero and are told
+    /// by [`Film::values_left_out`](crate::Film::values_left_out): the sample stays in all other
     /// layers.
-    Mean(fn(&PixelSample, &mut [f32])),
+    Mean(Take),
+    /// Mean over the samples with weights: the sum of what the function takes, which is multiplied
+    /// by the weight already, over the sum of weights, the last of its values. Sums as those of
+    /// [`Self::Mean`], and one for the weight.
+    WeightedMean {
+        /// Fills one value for each channel, and the weight.
+        take: Take,
+        /// What all channels are where the weights add up to nothing.
+        nothing: f32,
+    },
+    /// What is left of the picture's radiance, R, G and B, without these layers: their exact means
+    /// are subtracted from its. A film that has such a layer has these, too.
+    Remainder(&'static [&'static Layer]),
 }
+
+/// Takes values from a sample and from what its path told.
+pub type Take = fn(&PixelSample, &PathRecord, &mut [f32]);
 
 impl Layer {
     /// Whether it is part of the picture itself: its channels have no layer's name.
@@ -77,11 +93,22 @@ impl Layer {
         matches!(self.reconstruction, Reconstruction::Replicated(_))
     }
 
+    /// Layers that a film keeps beside it, since it comes from them.
+    pub fn needs(&self) -> &'static [&'static Layer] {
+        match self.reconstruction {
+            Reconstruction::Remainder(parts) => parts,
+            _ => &[],
+        }
+    }
+
     /// Sums that a film keeps for it beside those of [`PixelMoments`], in each pixel.
     pub(crate) fn sums(&self) -> usize {
         match self.reconstruction {
             Reconstruction::Mean(_) => self.channels.len(),
-            Reconstruction::Replicated(_) | Reconstruction::Derived(_) => 0,
+            Reconstruction::WeightedMean { .. } => self.channels.len() + 1,
+            Reconstruction::Replicated(_)
+            | Reconstruction::Derived(_)
+            | Reconstruction::Remainder(_) => 0,
         }
     }
 }

@@ -1,20 +1,52 @@
 //! Layers: what a film keeps of its samples, by name. Each has a file here and a row in [`LAYERS`].
 
+mod albedo;
 mod alpha;
+mod background;
 mod beauty;
 mod definition;
+mod depth;
+mod direct;
+mod emission;
+mod indirect;
+mod normal;
+mod position;
 mod samples;
+mod transmittance;
 mod variance;
 
+pub use albedo::ALBEDO;
 pub use alpha::ALPHA;
+pub use background::BACKGROUND;
 pub use beauty::BEAUTY;
-pub use definition::{Layer, Reconstruction};
+pub use definition::{Layer, Reconstruction, Take};
+pub use depth::DEPTH;
+pub use direct::DIRECT;
+pub use emission::EMISSION;
+pub use indirect::INDIRECT;
+pub use normal::NORMAL;
+pub use position::POSITION;
 pub use samples::SAMPLES;
+pub use transmittance::TRANSMITTANCE;
 pub use variance::VARIANCE;
 
 /// All layers that this crate has, in the order in which films and files keep them. The first
 /// [`FIRST_LAYERS`] are in every film.
-pub static LAYERS: [&Layer; 4] = [&BEAUTY, &ALPHA, &VARIANCE, &SAMPLES];
+pub static LAYERS: [&Layer; 13] = [
+    &BEAUTY,
+    &ALPHA,
+    &VARIANCE,
+    &SAMPLES,
+    &TRANSMITTANCE,
+    &DEPTH,
+    &POSITION,
+    &NORMAL,
+    &ALBEDO,
+    &BACKGROUND,
+    &EMISSION,
+    &DIRECT,
+    &INDIRECT,
+];
 
 /// How many of [`LAYERS`] every film has: radiance, alpha, and the variance of both.
 pub const FIRST_LAYERS: usize = 3;

@@ -163,7 +163,11 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         if let Some(way) = way {
             arrives *= way.attenuation;
         }
-        *radiance += behind * arrives * weight;
+        let light = behind * arrives * weight;
+        *radiance += light;
+        if let Some(layers) = recorder.layers() {
+            layers.light(light, path.scatterings::<W>());
+        }
     }
 
     /// Whether a ray from a medium interaction passes by all surfaces, outside of interior media.

@@ -26,7 +26,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
     pub(super) fn add_emission<R: Recorder>(
         &self,
         (segment, t_end): (RaySegment<'_>, f64),
-        (beta, bounces): (Vec3, u32),
+        (beta, bounces, scatterings): (Vec3, u32, u32),
         interiors: &MediumStack,
         tracing: &mut Tracing<'_, R>,
     ) {
@@ -64,5 +64,8 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
             found += light * total * shadow.transmittance * interior;
         }
         *radiance += beta * found;
+        if let Some(layers) = recorder.layers() {
+            layers.light(beta * found, scatterings);
+        }
     }
 }

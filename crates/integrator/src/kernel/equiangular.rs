@@ -34,12 +34,16 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         interval: Option<(f64, f64)>,
         tracing: &mut Tracing<'_, R>,
     ) {
-        let straight = W::of(&path.carried).map_or(0, |surfaces| surfaces.straight);
-        if path.bounces - straight < self.limits.max_bounces()
+        let scatterings = path.scatterings::<W>();
+        if scatterings < self.limits.max_bounces()
             && let Some(interval) = interval
         {
             let light = self.equiangular_light(&path.ray, interval, path.beta, tracing);
-            tracing.radiance += light.unwrap_or(Vec3::ZERO);
+            let light = light.unwrap_or(Vec3::ZERO);
+            tracing.radiance += light;
+            if let Some(layers) = tracing.recorder.layers() {
+                layers.light(light, scatterings + 1);
+            }
         }
     }
 

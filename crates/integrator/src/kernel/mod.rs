@@ -27,7 +27,7 @@ mod world;
 pub(crate) use camera_media::CameraMedia;
 pub(crate) use interior::MediumStack;
 pub(crate) use limits::PathLimits;
-pub(crate) use recorder::{DirectLight, Recorder};
+pub(crate) use recorder::{DirectLight, LayerRecorder, Recorder};
 pub(crate) use world::{VolumesAndSurfaces, VolumesOnly, World, luminance};
 
 use crate::lights::Lights;

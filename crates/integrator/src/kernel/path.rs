@@ -157,6 +157,14 @@ pub(super) struct Path<'k, C> {
     pub(super) carried: C,
 }
 
+impl<C> Path<'_, C> {
+    /// How often it was scattered: bounces, without the surfaces that it went straight through.
+    #[inline(always)]
+    pub(super) fn scatterings<W: World<Carried = C>>(&self) -> u32 {
+        self.bounces - W::of(&self.carried).map_or(0, |surfaces| surfaces.straight)
+    }
+}
+
 /// A path from the end of a flight on, for channels that have left the others.
 struct Branch<'k, C, N> {
     path: Path<'k, C>,
@@ -321,7 +329,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
                         RaySegment { ray: &path.ray, start: path.start, t_max: t_surface };
                     self.add_emission(
                         (segment, t_end),
-                        (end.before, path.bounces),
+                        (end.before, path.bounces, path.bounces - surfaces.straight),
                         &surfaces.interiors,
                         &mut tracing,
                     );
@@ -332,10 +340,23 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
                     if path.bounces == 0 {
                         transmitted = path.beta.element_sum() * (1.0 / 3.0);
                     }
-                    tracing.radiance += path.beta * self.escape(path, end.null_probability);
+                    let light = path.beta * self.escape(path, end.null_probability);
+                    tracing.radiance += light;
+                    if let Some(layers) = tracing.recorder.layers() {
+                        if path.bounces == 0 {
+                            layers.transmittance(path.beta);
+                        }
+                        layers.escape(light, path.scatterings::<W>());
+                    }
                     break;
                 }
                 Event::Collision { t, phase, albedo, medium } => {
+                    if path.bounces == 0
+                        && let Some(layers) = tracing.recorder.layers()
+                    {
+                        let (p, incoming) = (path.ray.at(t), path.ray.direction);
+                        layers.first_in_medium(p, incoming, path.beta, albedo);
+                    }
                     if path.bounces >= path.next_look
                         && let Some(cut) = self.cut(path, &tracing.tally)
                     {

@@ -1,9 +1,10 @@
-//! What is told of a path while it is traced: its counters, and to a prepass more. Renders compile
-//! none of the rest.
+//! What is told of a path while it is traced: its counters, to a prepass more, and what layers ask
+//! for. Renders compile none of what a prepass hears, and ask once an event whether some layer does.
 
 use crate::counters::Counters;
 use crate::media::Ray;
 use glam::{DVec3, Vec3};
+use pileus_scene::Interaction;
 
 /// Light of one shadow ray, as a prepass learns from it.
 #[derive(Debug, Clone, Copy)]
@@ -20,6 +21,12 @@ pub(crate) struct DirectLight {
 pub(crate) trait Recorder {
     /// Where events are counted.
     fn counters(&mut self) -> &mut Counters;
+
+    /// Who hears what layers ask for, if any does.
+    #[inline(always)]
+    fn layers(&mut self) -> Option<&mut dyn LayerRecorder> {
+        None
+    }
 
     /// A flight along `ray` that ended at `length`.
     #[inline(always)]
@@ -39,9 +46,20 @@ pub(crate) trait Recorder {
     fn medium_interaction(&mut self, _p: DVec3, _beta: Vec3, _radiance: Vec3) {}
 }
 
-impl Recorder for Counters {
-    #[inline(always)]
-    fn counters(&mut self) -> &mut Counters {
-        self
-    }
+/// Hears what layers ask for.
+pub(crate) trait LayerRecorder {
+    /// Light that was scattered so often on its way.
+    fn light(&mut self, radiance: Vec3, scatterings: u32);
+
+    /// Light of the environment that was scattered so often on its way.
+    fn escape(&mut self, radiance: Vec3, scatterings: u32);
+
+    /// A path that met nothing sees this share of the background.
+    fn transmittance(&mut self, beta: Vec3);
+
+    /// The first event: in a medium at `p`, met with throughput `beta` from direction `incoming`.
+    fn first_in_medium(&mut self, p: DVec3, incoming: Vec3, beta: Vec3, albedo: Vec3);
+
+    /// The first event: at a surface.
+    fn first_at_surface(&mut self, surface: &Interaction, beta: Vec3);
 }

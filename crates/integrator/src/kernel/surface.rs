@@ -152,7 +152,16 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
             let cos = interaction.geometric_normal.dot(path.ray.direction);
             let met = (hit.t, interaction.emitter, cos);
             let weight = self.weight_of_emissive_triangle(path, met, null_probability);
-            tracing.radiance += path.beta * interaction.emission * weight;
+            let light = path.beta * interaction.emission * weight;
+            tracing.radiance += light;
+            if let Some(layers) = tracing.recorder.layers() {
+                layers.light(light, path.scatterings::<W>());
+            }
+        }
+        if path.bounces == 0
+            && let Some(layers) = tracing.recorder.layers()
+        {
+            layers.first_at_surface(&interaction, path.beta);
         }
         let wo = -path.ray.direction;
         let bsdf = bsdf(&interaction);

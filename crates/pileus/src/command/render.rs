@@ -5,7 +5,7 @@ use std::path::Path;
 use std::time::Instant;
 
 use pileus_film::{
-    BEAUTY, ExrSettings, Film, Image, Layer, ToneMap, VARIANCE, write_atomically, write_exr,
+    BEAUTY, DENOISED, ExrSettings, Film, Image, ToneMap, VARIANCE, write_atomically, write_exr,
     write_png,
 };
 use pileus_integrator::{Monitor, PathCost, Renderer};
@@ -17,7 +17,7 @@ use crate::failure::Failure;
 use crate::machine::Signals;
 use crate::record::{PlanAndCost, Seconds, Stats, VERSION, metadata};
 use crate::report::{Progress, Report};
-use crate::settings::{LayersTo, job_hash};
+use crate::settings::{LayersTo, Outputs, job_hash};
 use crate::words;
 
 struct Watch<'a> {
@@ -94,9 +94,11 @@ pub(crate) fn run(options: &RenderOptions, report: &Report) -> Result<(), Failur
     let writing = Instant::now();
     let job = settings.recorded_job(scene);
     let job_hash = job_hash(&job);
-    let beside: Vec<&Layer> =
-        film.layers().iter().copied().filter(|layer| !layer.is_picture()).collect();
-    let layers = film.image_of(&beside)?;
+    // The sums are large: they are gone through once.
+    let all = film.image_of(film.layers())?;
+    let in_one = settings.outputs.layers == LayersTo::Image;
+    let (mut image, mut layers) =
+        if in_one { (all.clone(), all) } else { all.split(is_of_the_picture) };
     let variances = VARIANCE.channels.iter().filter_map(|name| layers.channel(name));
     let beyond = variances.flatten().filter(|v| **v == f32::MAX);
     match beyond.count() {
@@ -104,16 +106,19 @@ pub(crate) fn run(options: &RenderOptions, report: &Report) -> Result<(), Failur
         n => tracing::warn!("{n} variances exceed 3.4e38 and are written as that: dim the lights"),
     }
     let outputs = &settings.outputs;
-    let image = match outputs.layers {
-        LayersTo::Image => film.image_of(film.layers())?,
-        LayersTo::File(_) | LayersTo::Nowhere => film.image(),
-    };
     let exr = ExrSettings {
         half: settings.outputs.half,
         parallel: rayon::current_num_threads() > 1,
         metadata: metadata(&settings, (&job, &job_hash), &plan, &counters, film.samples()),
         ..ExrSettings::default()
     };
+    let shown = denoised(outputs, &film);
+    if let (Some(denoised), true) = (&shown, outputs.denoised_layer) {
+        for channel in denoised.channels() {
+            let into = if in_one { &mut image } else { &mut layers };
+            into.add_channel(&channel.name, channel.samples.clone())?;
+        }
+    }
     let written = write_exr(&outputs.image, &image, &exr)?;
     if written.half_clamped > 0 {
         tracing::warn!(
@@ -126,7 +131,8 @@ pub(crate) fn run(options: &RenderOptions, report: &Report) -> Result<(), Failur
     }
     if let Some(preview) = &outputs.preview {
         let tone = ToneMap { exposure_stops: outputs.exposure, ..ToneMap::default() };
-        write_png(preview, &image, &tone)?;
+        let denoised = shown.filter(|_| outputs.denoise).and_then(|shown| shown.layer(DENOISED));
+        write_png(preview, denoised.as_ref().unwrap_or(&image), &tone)?;
     }
     seconds.write = writing.elapsed().as_secs_f64();
     seconds.total = start.elapsed().as_secs_f64();
@@ -176,6 +182,31 @@ pub(crate) fn run(options: &RenderOptions, report: &Report) -> Result<(), Failur
         return Err(Failure::Interrupted { what, exit: signals.exit() });
     }
     Ok(())
+}
+
+/// The denoised picture, if it is shown or kept, and what is said of it.
+fn denoised(outputs: &Outputs, film: &Film) -> Option<Image> {
+    let shown = outputs.denoise && outputs.preview.is_some();
+    if !shown && !outputs.denoised_layer {
+        return None;
+    }
+    let denoised = film.denoised();
+    let what = match (shown, outputs.denoised_layer) {
+        (true, true) => "the preview and the layer `denoised` are",
+        (true, false) => "the preview is",
+        (false, _) => "the layer `denoised` is",
+    };
+    if denoised.is_some() {
+        tracing::info!("{what} denoised by non-local means; the image is not");
+    } else {
+        tracing::info!("too few samples to denoise: four a pixel tell how noisy they are");
+    }
+    denoised
+}
+
+/// Whether a channel of a film belongs to its picture: those of other layers have their names.
+fn is_of_the_picture(channel: &str) -> bool {
+    !channel.contains('.')
 }
 
 /// Standard error over the mean of the picture's luminance, the root of the mean variance of its

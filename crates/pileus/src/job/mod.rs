@@ -5,6 +5,7 @@
 
 mod auto;
 mod camera;
+mod denoise;
 mod film;
 mod light;
 mod output;
@@ -13,6 +14,7 @@ mod sampling;
 
 pub use auto::{Auto, LeftToThePlan};
 pub use camera::{CameraKind, CameraSpec};
+pub use denoise::{DenoiseSpec, DenoiseWhen};
 pub use film::{FilmSpec, FilterKind, FilterSpec};
 pub use light::*;
 pub use output::OutputSpec;
@@ -50,6 +52,8 @@ options! {
         film: FilmSpec;
         /// How the image is sampled.
         sampling: SamplingSpec;
+        /// How the picture to look at is freed of noise.
+        denoise: DenoiseSpec;
         /// Which files are written.
         output: OutputSpec;
     }
@@ -91,6 +95,7 @@ mod tests {
       ],
       "film": { "resolution": [480,270], "crop": null, "filter": { "type": "box", "radius": 0.5 } },
       "sampling": { "spp": 64, "seed": 0, "max_bounces": null, "transmittance": "auto", "distance": "auto" },
+      "denoise": { "when": "end" },
       "output": { "image": "cloud.exr", "preview": "cloud.png", "stats": "cloud.stats.json", "aovs": [] }
     }"#;
 

@@ -2,7 +2,7 @@
 //! would refuse. What is a relation between several numbers (a crop inside its resolution, a camera
 //! that looks at its own place) is left to the program.
 
-use pileus_film::{LAYERS, MAX_PIXELS};
+use pileus_film::{DENOISED, DENOISED_CHANNELS, DENOISED_MEANING, LAYERS, MAX_PIXELS};
 use pileus_scene::schema_rule::{
     absent, both, direction, given, implies, later, none_of, not_both, rule, with,
 };
@@ -37,6 +37,14 @@ pub(crate) fn job() -> Value {
             ] }),
             "there is no camera, and no scene and no volume with an end that could be framed",
             "give the job a `camera` with `position` and `look_at`",
+        ),
+        rule(
+            json!({ "not": both(
+                with("denoise", with("when", json!({ "const": "never" }))),
+                with("output", with("aovs", json!({ "contains": { "const": DENOISED } }))),
+            ) }),
+            "the denoised picture is asked for, and that nothing is denoised",
+            "remove `denoised` from `aovs`, or `denoise`",
         ),
     ])
 }
@@ -228,16 +236,18 @@ pub(crate) fn output() -> Value {
 /// The layers that there are, by the film's table.
 pub(crate) fn aovs(schema: &mut Schema) {
     let layers = || LAYERS.into_iter().filter(|layer| !layer.is_picture());
-    let names: Vec<&str> = layers().map(|layer| layer.name).collect();
+    let names: Vec<&str> = layers().map(|layer| layer.name).chain([DENOISED]).collect();
     let known = format!("take of: {}", names.join(", "));
     let items = json!({ "type": "string", "enum": names });
     let items = later(items, "there is no such layer in this version", &known);
     schema.insert("items".into(), items);
     schema.insert("uniqueItems".into(), true.into());
     let mut text = schema.get("description").and_then(Value::as_str).unwrap_or("").to_owned();
-    for layer in layers() {
-        let channels: Vec<String> = layer.channels.iter().map(|c| format!("`{c}`")).collect();
-        text += &format!(" `{}` ({}): {}.", layer.name, channels.join(", "), layer.meaning);
+    let of_films = layers().map(|layer| (layer.name, layer.channels, layer.meaning));
+    let denoised = (DENOISED, DENOISED_CHANNELS.as_slice(), DENOISED_MEANING);
+    for (name, channels, meaning) in of_films.chain([denoised]) {
+        let channels: Vec<String> = channels.iter().map(|c| format!("`{c}`")).collect();
+        text += &format!(" `{name}` ({}): {meaning}.", channels.join(", "));
     }
     schema.insert("description".into(), text.into());
 }

@@ -2,11 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use pileus_film::{FIRST_LAYERS, LAYERS, Layer, VARIANCE};
+use pileus_film::{DENOISED, DENOISED_CHANNELS, FIRST_LAYERS, LAYERS, Layer, VARIANCE};
 
 use super::{Overrides, Settings};
 use crate::failure::Failure;
-use crate::job::{Job, OutputSpec};
+use crate::job::{DenoiseWhen, Job, OutputSpec};
 use crate::outputs::Target;
 
 /// Which files are written.
@@ -24,6 +24,10 @@ pub struct Outputs {
     pub stats: Option<PathBuf>,
     /// Layers that the film has beside the first ones.
     pub further: Vec<&'static Layer>,
+    /// Whether the preview is denoised.
+    pub denoise: bool,
+    /// Whether the denoised picture is among the layers.
+    pub denoised_layer: bool,
     /// Where the layers go that are not the picture.
     pub layers: LayersTo,
 }
@@ -45,10 +49,12 @@ pub(crate) fn layers_beside(image: &Path) -> PathBuf {
 }
 
 /// The layers that a job asks for, whose names the schema has checked, in the order of the table,
-/// whatever the job's: slices of equal jobs merge.
+/// whatever the job's: slices of equal jobs merge. Those that they come from are among them.
 fn further(output: &OutputSpec) -> Vec<&'static Layer> {
+    let named = |layer: &Layer| output.aovs.iter().flatten().any(|name| *name == layer.name);
+    let needed = |layer: &Layer| LAYERS.iter().any(|of| named(of) && of.needs().contains(&layer));
     let mut further = LAYERS[FIRST_LAYERS..].to_vec();
-    further.retain(|layer| output.aovs.iter().flatten().any(|name| *name == layer.name));
+    further.retain(|layer| named(layer) || needed(layer));
     further
 }
 
@@ -92,11 +98,14 @@ impl Outputs {
             _ => LayersTo::File(layers_beside(&image)),
         };
         let mut further = further(&output);
+        let asked = output.aovs.iter().flatten().any(|name| name == DENOISED);
+        let denoised_layer = asked && layers != LayersTo::Nowhere;
         if layers == LayersTo::Nowhere {
             further.clear();
         }
+        let denoise = job.denoise.clone().unwrap_or_default().when().0 == DenoiseWhen::End;
         let (half, exposure) = (output.half(), output.exposure());
-        Ok(Self { image, half, preview, exposure, stats, further, layers })
+        Ok(Self { image, half, preview, exposure, stats, further, denoise, denoised_layer, layers })
     }
 }
 
@@ -127,13 +136,15 @@ impl Settings {
     /// What is written, for messages and to be checked; `pixels`: how many the image has, if that
     /// is known.
     pub(crate) fn targets(&self, pixels: u64) -> Vec<Target> {
-        let Outputs { image, half, preview, stats, further, layers, .. } = &self.outputs;
+        let Outputs { image, half, preview, stats, further, denoised_layer, layers, .. } =
+            &self.outputs;
         let of_image = self.overrides.image.is_some();
         let at = |key: &str, by_option: bool| (!by_option).then(|| self.places.at(key));
         // Colour and alpha; variances and what was asked for in single precision; the job's text.
         let picture = if *half { 4 * 2 } else { 4 * 4 };
         let channels: usize = further.iter().map(|layer| layer.channels.len()).sum();
-        let of_layers = 4 * (VARIANCE.channels.len() + channels) as u64;
+        let denoised = if *denoised_layer { DENOISED_CHANNELS.len() } else { 0 };
+        let of_layers = 4 * (VARIANCE.channels.len() + channels + denoised) as u64;
         let per_pixel = if *layers == LayersTo::Image { picture + of_layers } else { picture };
         let mut targets = vec![Target {
             what: "the image",

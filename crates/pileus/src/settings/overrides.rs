@@ -3,12 +3,13 @@
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
+use pileus_film::DENOISED;
 use pileus_scene::phase_spec::{CosineSpec, PhaseSpec};
 use pileus_scene::volume_spec::{AlbedoSpec, Rgb};
-use pileus_scene::{ClearSky, Orbit};
+use pileus_scene::{ByName, ClearSky, Orbit};
 
 use crate::failure::Failure;
-use crate::job::{CameraSpec, EnvironmentSpec, Job, LightSpec, SkySpec, SunSpec};
+use crate::job::{CameraSpec, DenoiseWhen, EnvironmentSpec, Job, LightSpec, SkySpec, SunSpec};
 
 /// Factor on a clear sky that takes the place of the default one, for the same exposure: a white
 /// cloud is as bright within a seventh when the sun stands 51 degrees high, 1.4 times as bright
@@ -59,6 +60,8 @@ pub struct Overrides {
     pub exposure: Option<f32>,
     /// Layers to keep besides those of the job.
     pub aovs: Vec<String>,
+    /// Denoise the preview and keep the denoised picture as a layer, or do neither.
+    pub denoise: Option<bool>,
     /// Write no preview.
     pub no_preview: bool,
     /// Write no statistics.
@@ -91,6 +94,15 @@ impl Overrides {
                 if !kept.contains(layer) {
                     kept.push(layer.clone());
                 }
+            }
+        }
+        if let Some(denoise) = self.denoise {
+            let when = if denoise { DenoiseWhen::End } else { DenoiseWhen::Never };
+            job.denoise.get_or_insert_default().when = Some(ByName(when));
+            let layers = job.output.get_or_insert_default().aovs.get_or_insert_default();
+            layers.retain(|layer| layer != DENOISED);
+            if denoise {
+                layers.push(DENOISED.into());
             }
         }
         self.change_camera(&mut job);

@@ -157,7 +157,7 @@ fn what_later_versions_may_render_is_told_apart() {
     for (pointer, value) in [
         ("/volumes/0/interpolation", "tricubic".into()),
         ("/camera", serde_json::json!({"shutter": [0.0, 0.5]})),
-        ("/output/aovs", serde_json::json!(["depth"])),
+        ("/output/aovs", serde_json::json!(["velocity"])),
     ] {
         let (code, said) = check(&changed(pointer, value));
         assert_eq!(code, 5, "{pointer}: {said}");

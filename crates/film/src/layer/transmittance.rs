@@ -1,0 +1,18 @@
+//! Transmittance.
+
+use super::definition::{Layer, Reconstruction};
+use crate::moments::PixelSample;
+use crate::path_record::PathRecord;
+
+/// Share of the background that is seen through volumes and surfaces, per channel; alpha is one
+/// minus its mean over channels.
+pub static TRANSMITTANCE: Layer = Layer {
+    name: "transmittance",
+    meaning: "background seen through volumes and surfaces",
+    channels: &["transmittance.R", "transmittance.G", "transmittance.B"],
+    reconstruction: Reconstruction::Mean(
+        |_: &PixelSample, path: &PathRecord, values: &mut [f32]| {
+            values.copy_from_slice(&path.transmittance);
+        },
+    ),
+};
