@@ -385,7 +385,7 @@ fn ranges_stand_in_the_schema() {
         ("/output/image", json!(".exr")),
         ("/output/preview", json!("a.jpeg")),
         ("/output/exposure", json!(65)),
-        ("/output/aovs", json!(["depth"])),
+        ("/output/aovs", json!(["velocity"])),
         ("/camera/up", json!([0, 0, 0])),
         ("/camera/fov_y", json!(180)),
         ("/camera/shutter", json!([0, 0.5])),

@@ -166,3 +166,91 @@ fn files_of_layers_are_not_taken_for_pictures() {
     assert!(!said.status.success());
     assert!(stderr(&said).contains("a.layers.exr"), "{}", stderr(&said));
 }
+
+#[test]
+fn every_layer_is_written_under_its_name_and_the_parts_of_light_add_up() {
+    let asked = [
+        "samples",
+        "transmittance",
+        "depth",
+        "position",
+        "normal",
+        "albedo",
+        "indirect",
+        "denoised",
+    ];
+    let folder = render(&job(json!({ "image": "a.exr", "aovs": asked })), &[]);
+    let (image, layers) = (read(folder.path(), "a.exr"), read(folder.path(), "a.layers.exr"));
+    // What indirect light comes from is there, too.
+    let mut expected: Vec<String> =
+        ["samples.Y", "depth.Z", "variance_alpha.Y"].map(String::from).into();
+    for (layers, parts) in [
+        (&["position", "normal"][..], ["X", "Y", "Z"]),
+        (
+            &[
+                "transmittance",
+                "albedo",
+                "background",
+                "emission",
+                "direct",
+                "indirect",
+                "denoised",
+                "variance",
+            ],
+            ["R", "G", "B"],
+        ),
+    ] {
+        expected.extend(layers.iter().flat_map(|l| parts.map(|part| format!("{l}.{part}"))));
+    }
+    expected.sort_unstable();
+    assert_eq!(channels(&layers), expected);
+    let light = ["background", "emission", "direct", "indirect"];
+    for c in ["R", "G", "B"] {
+        for (i, own) in image.channel(c).unwrap().iter().enumerate() {
+            let part = |layer: &str| layers.channel(&format!("{layer}.{c}")).unwrap()[i];
+            let sum: f32 = light.iter().map(|layer| part(layer)).sum();
+            assert!((sum - own).abs() <= 4.0 * f32::EPSILON * own.abs(), "{sum} for {own}");
+        }
+    }
+}
+
+/// The picture to look at is denoised unless told otherwise, the image never is.
+#[test]
+fn what_is_shown_is_denoised_and_what_is_kept_is_not() {
+    let output = || json!({ "image": "a.exr", "preview": "a.png" });
+    let shown = render(&job(output()), &["-v"]);
+    let raw = render(&job(output()), &["--no-denoise"]);
+    let mut never = job(output());
+    never["denoise"] = json!({ "when": "never" });
+    let never = render(&never, &[]);
+    let kept = render(&job(output()), &["--denoise"]);
+    let png = |folder: &tempfile::TempDir| std::fs::read(folder.path().join("a.png")).unwrap();
+    assert_ne!(png(&shown), png(&raw));
+    assert_eq!(png(&never), png(&raw));
+    assert_eq!(png(&kept), png(&shown));
+    let image = read(raw.path(), "a.exr");
+    for (folder, layers) in [(&shown, 4), (&kept, 7), (&raw, 4)] {
+        assert_eq!(bits(&read(folder.path(), "a.exr"), "R"), bits(&image, "R"));
+        assert_eq!(channels(&read(folder.path(), "a.layers.exr")).len(), layers);
+    }
+    // It has less noise: pixels differ less from their neighbours.
+    let rough = |image: &Image, name: &str| -> f64 {
+        let plane = image.channel(name).unwrap();
+        plane.windows(2).map(|pair| f64::from((pair[0] - pair[1]).abs())).sum()
+    };
+    let denoised = read(kept.path(), "a.layers.exr");
+    let (before, after) = (rough(&image, "G"), rough(&denoised, "denoised.G"));
+    assert!(after < 0.7 * before, "{after} {before}");
+
+    // Too few samples, and what contradicts itself.
+    let folder = folder(&[("job.json", &job(output()).to_string())]);
+    let few = run(folder.path(), &["render", "job.json", "--spp", "3", "--denoise"]);
+    assert!(few.status.success() && stderr(&few).contains("too few samples to denoise"));
+    assert_eq!(channels(&read(folder.path(), "a.layers.exr")).len(), 4);
+    let mut both = job(json!({ "image": "a.exr", "aovs": ["denoised"] }));
+    both["denoise"] = json!({ "when": "never" });
+    let folder = crate::folder(&[("job.json", &both.to_string())]);
+    let refused = run(folder.path(), &["check", "job.json"]);
+    assert_eq!(refused.status.code(), Some(3), "{}", stderr(&refused));
+    assert!(stderr(&refused).contains("remove `denoised` from `aovs`"), "{}", stderr(&refused));
+}
