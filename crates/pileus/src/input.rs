@@ -192,8 +192,8 @@ const NOT_YET: [(&[&str], &str, &str); 8] = [
     ),
     (
         &["denoise", "denoiser", "denoising"],
-        "denoising is not part of this version",
-        "remove the key, and take more samples or denoise the EXR in another program",
+        "the job's `denoise` says whether what is shown is denoised",
+        "remove the key; `denoised` among `aovs` under `output` keeps the denoised picture",
     ),
     (
         &["motion_blur", "shutter_open", "shutter_close"],

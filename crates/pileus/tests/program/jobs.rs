@@ -107,8 +107,8 @@ fn keys_of_features_that_are_missing_say_so() {
     for (pointer, words) in [
         ("/camera/f_stop", "depth of field"),
         ("/camera/lens_radius", "`aperture`"),
-        ("/output/denoise", "denoising"),
-        ("/sampling/denoise", "denoising"),
+        ("/output/denoise", "denoised"),
+        ("/sampling/denoise", "denoised"),
         ("/camera/motion_blur", "motion"),
         ("/frames", "sequences of frames"),
         ("/output/cryptomatte", "such layers"),
