@@ -75,8 +75,8 @@ impl Film {
     /// The picture without most of its noise, channels [`DENOISED_CHANNELS`]: biased, by a fraction of the
     /// noise that it removes. `None` below four samples a pixel, where that noise is not known.
     ///
-    /// Deterministic: a function of the film's sums. Pixels whose mean or variance is not finite, and
-    /// those with a sample out of all proportion to their neighbours, keep their value and are no
+    /// Deterministic: a function of the film's sums. Pixels whose mean or variance is not known or
+    /// beyond 1e18, and those with a sample out of all proportion to their neighbours, keep their value and are no
     /// part of others.
     pub fn denoised(&self) -> Option<Image> {
         if self.samples() < MIN_SAMPLES {
@@ -117,8 +117,8 @@ impl Halves {
             .map(|pixel| (pixel.halves(), pixel.variance_of_mean().map(|v| 2.0 * v)))
             .collect();
         let is_known = |(halves, variance): &Known| {
-            let mut values = halves.iter().flatten().chain(variance);
-            values.all(|v| (*v as f32).is_finite())
+            // Beyond, squares of differences are no 32-bit floats.
+            halves.iter().flatten().all(|v| v.abs() < 1e18) && variance.iter().all(|v| *v < 1e36)
         };
         let finite: Vec<bool> = all.iter().map(is_known).collect();
         let known: Vec<bool> = (0..all.len())
@@ -247,7 +247,8 @@ impl Halves {
     }
 }
 
-/// The weight of a pixel at a distance: `exp(-distance)` for all that counts, by multiplications.
+/// The weight of a pixel at a distance: nearly `exp(-distance)`, by multiplications, and zero from 8
+/// on.
 #[inline]
 fn similarity(distance: f32) -> f32 {
     let w = (1.0 - distance.max(0.0) * (1.0 / 8.0)).max(0.0);
@@ -285,7 +286,7 @@ impl Around {
 
     /// The median of a value of these pixels.
     fn median(&self, value: impl Fn(usize) -> f64) -> f64 {
-        let mut values = self.all.map(|i| value(i));
+        let mut values = self.all.map(value);
         let values = &mut values[..self.count];
         values.sort_unstable_by(f64::total_cmp);
         values[self.count / 2]

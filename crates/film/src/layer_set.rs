@@ -143,7 +143,7 @@ impl<'l> Placed<'l> {
             Reconstruction::WeightedMean { nothing, .. } => {
                 let weight = mean(own + values.len());
                 for (value, sum) in values.iter_mut().zip(own..) {
-                    *value = if weight == 0.0 { nothing } else { (mean(sum) / weight) as f32 };
+                    *value = if weight > 0.0 { (mean(sum) / weight) as f32 } else { nothing };
                 }
             }
             Reconstruction::Remainder(_) => {

@@ -157,7 +157,7 @@ impl PixelMoments {
         std::array::from_fn(|channel| self.mean_of(channel))
     }
 
-    /// Means of R, G, B and alpha over the even and over the odd replicates; zero for those without
+    /// Means of R, G, B and alpha over the even and over the odd replicates; NaN for those without
     /// samples.
     pub(crate) fn halves(&self) -> [[f64; 4]; 2] {
         [0, 1].map(|half| {
@@ -165,7 +165,7 @@ impl PixelMoments {
             let count: u32 = replicates().map(|r| self.count[r]).sum();
             std::array::from_fn(|channel| {
                 let sum: i128 = replicates().map(|r| self.sum(r, channel)).sum();
-                to_f64(sum) * lower_step(self.window[channel]) / f64::from(count.max(1))
+                to_f64(sum) * lower_step(self.window[channel]) / f64::from(count)
             })
         })
     }

@@ -22,7 +22,8 @@ pub struct PathRecord {
     /// Albedo at the first event per channel, times `weight`: of a medium that of single
     /// scattering, of a surface its base colour.
     pub albedo: [f32; 3],
-    /// Share of the background that is seen, per channel; its mean over channels is one minus alpha.
+    /// Share of the background that is seen past all surfaces, per channel; its mean over channels is
+    /// one minus alpha.
     pub transmittance: [f32; 3],
     /// Radiance of the environment that was scattered nowhere.
     pub background: [f32; 3],

@@ -141,6 +141,40 @@ fn broken_pixels_spoil_none_of_their_neighbours() {
     assert_eq!(far_off, 0);
 }
 
+/// Squares of values from some 1e19 on are no 32-bit floats: such pixels are left as they are, and
+/// the others keep out of them.
+#[test]
+fn values_of_any_size_are_kept_where_they_have_no_noise() {
+    for bright in [1e18f32, 1e20, 1e30] {
+        let film = film(8, |x, y, _| {
+            let value = if exact(x, y).1 > 0.0 { 0.0 } else { bright };
+            Some(PixelSample::new([value; 3], 1.0))
+        });
+        let denoised = film.denoised().unwrap();
+        let raw = film.image();
+        for (name, raw_name) in DENOISED_CHANNELS.into_iter().zip(["R", "G", "B"]) {
+            let pairs = denoised.channel(name).unwrap().iter().zip(raw.channel(raw_name).unwrap());
+            for (found, own) in pairs {
+                assert!((found - own).abs() <= 1e-5 * own, "{bright}: {found} for {own}");
+            }
+        }
+    }
+}
+
+/// A pixel of which one half lost all its samples is not half black.
+#[test]
+fn halves_without_samples_are_not_black() {
+    let lost = film(4, |x, y, sample| {
+        noisy(1)(x, y, sample).filter(|_| (x, y) != (48, 40) || sample % 2 == 0)
+    });
+    let whole = film(4, noisy(1)).denoised().unwrap();
+    let lost = lost.denoised().unwrap();
+    for (x, y) in [(47, 40), (49, 40), (48, 39), (48, 41)] {
+        let [a, b] = [&whole, &lost].map(|image| image.get("denoised.G", x, y).unwrap());
+        assert!((a - b).abs() < 0.1 * a, "{x} {y}: {b} for {a}");
+    }
+}
+
 #[test]
 fn threads_change_no_bit() {
     let film = film(16, noisy(2));

@@ -193,7 +193,7 @@ const NOT_YET: [(&[&str], &str, &str); 8] = [
     (
         &["denoise", "denoiser", "denoising"],
         "the job's `denoise` says whether what is shown is denoised",
-        "remove the key; `denoised` among `aovs` under `output` keeps the denoised picture",
+        "write `\"denoise\": { \"when\": \"end\" }` beside `output`; `denoised` among its `aovs` keeps the picture",
     ),
     (
         &["motion_blur", "shutter_open", "shutter_close"],

@@ -71,7 +71,8 @@ pub enum Reconstruction {
     WeightedMean {
         /// Fills one value for each channel, and the weight.
         take: Take,
-        /// What all channels are where the weights add up to nothing.
+        /// What all channels are where the weights add up to nothing, or less: weights of flights
+        /// may have either sign.
         nothing: f32,
     },
     /// What is left of the picture's radiance, R, G and B, without these layers: their exact means

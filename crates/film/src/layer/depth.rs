@@ -8,7 +8,7 @@ use crate::path_record::PathRecord;
 /// which is the mean of the transmittance-weighted depth of a medium. Where nothing was met, 1e10.
 pub static DEPTH: Layer = Layer {
     name: "depth",
-    meaning: "distance of the first event along the view axis, scene units, weighted by transmittance; 1e10 where there is none",
+    meaning: "distance of the first event along the view axis, scene units (of a panorama from the camera), weighted by transmittance; 1e10 where there is none",
     channels: &["depth.Z"],
     reconstruction: Reconstruction::WeightedMean {
         take: |_: &PixelSample, path: &PathRecord, values: &mut [f32]| {

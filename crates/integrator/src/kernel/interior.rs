@@ -161,6 +161,12 @@ fn sigma_t(interior: &Interior) -> Vec3 {
     interior.sigma_a + interior.sigma_s
 }
 
+/// Albedo of single scattering per channel; zero where there is no extinction.
+pub(crate) fn albedo(interior: &Interior) -> Vec3 {
+    let sigma_t = sigma_t(interior);
+    Vec3::select(sigma_t.cmpgt(Vec3::ZERO), interior.sigma_s / sigma_t, Vec3::ZERO)
+}
+
 /// Transmittance per channel over a distance; of a body without extinction over any distance it is
 /// one.
 pub(crate) fn transmittance(interior: &Interior, distance: f64) -> Vec3 {

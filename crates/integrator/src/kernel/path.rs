@@ -315,6 +315,9 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
                 (None, Some(hit)) if W::SURFACES => Event::Surface(hit),
                 _ => Event::Escape,
             };
+            // What layers are told of the first event: an interior medium weighs paths beside it.
+            let met = path.beta;
+            let mut albedo_of_interior = None;
             if let Some(surfaces) = W::of(&path.carried) {
                 let mut t_end = end.collision.map_or(t_surface, |collision| collision.t);
                 if let Some(interior) = surfaces.interiors.last()
@@ -322,6 +325,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
                 {
                     let phase = PhaseAt::henyey_greenstein(interior.g);
                     event = Event::Collision { t, phase, albedo: Vec3::ONE, medium: None };
+                    albedo_of_interior = Some(interior::albedo(interior));
                     t_end = t;
                 }
                 if !self.world.emissive_volumes().is_empty() {
@@ -355,7 +359,12 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
                         && let Some(layers) = tracing.recorder.layers()
                     {
                         let (p, incoming) = (path.ray.at(t), path.ray.direction);
-                        layers.first_in_medium(p, incoming, path.beta, albedo);
+                        layers.first_in_medium(
+                            p,
+                            incoming,
+                            met,
+                            albedo_of_interior.unwrap_or(albedo),
+                        );
                     }
                     if path.bounces >= path.next_look
                         && let Some(cut) = self.cut(path, &tracing.tally)
@@ -379,7 +388,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
                 }
                 Event::Surface(hit) => {
                     let nulls = end.null_probability;
-                    if !self.surface_event(path, &hit, nulls, &mut tracing) {
+                    if !self.surface_event(path, (&hit, met), nulls, &mut tracing) {
                         break;
                     }
                 }

@@ -137,12 +137,13 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         hit
     }
 
-    /// A path has come to a surface; false if it ends there. `null_probability`: of its flight.
+    /// A path has come to a surface; false if it ends there. `met`: the throughput with which layers
+    /// hear of it; `null_probability`: of its flight.
     #[inline(never)]
     pub(super) fn surface_event<'k, R: Recorder>(
         &'k self,
         path: &mut Path<'k, W::Carried>,
-        hit: &Hit,
+        (hit, met): (&Hit, Vec3),
         null_probability: <M::Channels as ChannelMode>::Nulls,
         tracing: &mut Tracing<'_, R>,
     ) -> bool {
@@ -161,7 +162,7 @@ impl<M: Media, W: World> Kernel<'_, M, W> {
         if path.bounces == 0
             && let Some(layers) = tracing.recorder.layers()
         {
-            layers.first_at_surface(&interaction, path.beta);
+            layers.first_at_surface(&interaction, met);
         }
         let wo = -path.ray.direction;
         let bsdf = bsdf(&interaction);

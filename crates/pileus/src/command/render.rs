@@ -91,6 +91,13 @@ pub(crate) fn run(options: &RenderOptions, report: &Report) -> Result<(), Failur
         tracing::warn!("{} samples were not finite and are left out", counters.dropped);
     }
 
+    if film.values_left_out() > 0 {
+        tracing::warn!(
+            "{} values of layers were not finite and count as zero",
+            film.values_left_out()
+        );
+    }
+
     let writing = Instant::now();
     let job = settings.recorded_job(scene);
     let job_hash = job_hash(&job);
@@ -112,14 +119,20 @@ pub(crate) fn run(options: &RenderOptions, report: &Report) -> Result<(), Failur
         metadata: metadata(&settings, (&job, &job_hash), &plan, &counters, film.samples()),
         ..ExrSettings::default()
     };
-    let shown = denoised(outputs, &film);
-    if let (Some(denoised), true) = (&shown, outputs.denoised_layer) {
-        for channel in denoised.channels() {
-            let into = if in_one { &mut image } else { &mut layers };
-            into.add_channel(&channel.name, channel.samples.clone())?;
-        }
+    // The image is safe before anything else is made of it, unless it holds that.
+    let holds_denoised = in_one && outputs.denoised_layer;
+    let mut shown = None;
+    if holds_denoised {
+        shown = denoised(outputs, &film);
+        add_channels(&mut image, shown.as_ref())?;
     }
     let written = write_exr(&outputs.image, &image, &exr)?;
+    if !holds_denoised {
+        shown = denoised(outputs, &film);
+        if outputs.denoised_layer {
+            add_channels(&mut layers, shown.as_ref())?;
+        }
+    }
     if written.half_clamped > 0 {
         tracing::warn!(
             "{} values exceed 65504 and are clamped: write 32-bit floats",
@@ -180,6 +193,13 @@ pub(crate) fn run(options: &RenderOptions, report: &Report) -> Result<(), Failur
             outputs.image.display()
         );
         return Err(Failure::Interrupted { what, exit: signals.exit() });
+    }
+    Ok(())
+}
+
+fn add_channels(image: &mut Image, others: Option<&Image>) -> Result<(), Failure> {
+    for channel in others.into_iter().flat_map(Image::channels) {
+        image.add_channel(&channel.name, channel.samples.clone())?;
     }
     Ok(())
 }

@@ -97,6 +97,13 @@ impl Outputs {
             Some(Some(name)) if overrides.image.is_none() => LayersTo::File(base.join(name)),
             _ => LayersTo::File(layers_beside(&image)),
         };
+        let named = overrides.denoise == Some(true) || !overrides.aovs.is_empty();
+        if named && layers == LayersTo::Nowhere {
+            return Err(Failure::usage(
+                "layers are asked for that the job writes nowhere",
+                "name a file with `layers` under `output`, or remove its null",
+            ));
+        }
         let mut further = further(&output);
         let asked = output.aovs.iter().flatten().any(|name| name == DENOISED);
         let denoised_layer = asked && layers != LayersTo::Nowhere;

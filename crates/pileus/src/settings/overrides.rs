@@ -96,7 +96,15 @@ impl Overrides {
                 }
             }
         }
-        if let Some(denoise) = self.denoise {
+        let layer_asked = self.aovs.iter().any(|layer| layer == DENOISED);
+        if layer_asked && self.denoise == Some(false) {
+            return Err(Failure::usage(
+                "the layer `denoised` is asked for, and that nothing is denoised",
+                "remove --no-denoise, or `denoised` from --aov",
+            ));
+        }
+        // Who asks for the layer wants it made, whatever the job says.
+        if let Some(denoise) = self.denoise.or(layer_asked.then_some(true)) {
             let when = if denoise { DenoiseWhen::End } else { DenoiseWhen::Never };
             job.denoise.get_or_insert_default().when = Some(ByName(when));
             let layers = job.output.get_or_insert_default().aovs.get_or_insert_default();

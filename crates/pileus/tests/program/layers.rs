@@ -242,6 +242,25 @@ fn what_is_shown_is_denoised_and_what_is_kept_is_not() {
     let (before, after) = (rough(&image, "G"), rough(&denoised, "denoised.G"));
     assert!(after < 0.7 * before, "{after} {before}");
 
+    // Who asks for the layer on the command line gets it, whatever the job says, and the job that is
+    // saved is one that renders.
+    let mut silent = job(output());
+    silent["denoise"] = json!({ "when": "never" });
+    let options = ["--aov", "denoised", "--save-job", "b.json"];
+    let asked = render(&silent, &options);
+    assert_eq!(channels(&read(asked.path(), "a.layers.exr")).len(), 7);
+    let again = run(asked.path(), &["render", "b.json"]);
+    assert!(again.status.success(), "{}", stderr(&again));
+    let contradicts = ["render", "job.json", "--no-denoise", "--aov", "denoised"];
+    assert_eq!(run(asked.path(), &contradicts).status.code(), Some(2));
+    let mut nowhere = output();
+    nowhere["layers"] = json!(null);
+    let nowhere = crate::folder(&[("job.json", &job(nowhere).to_string())]);
+    for option in ["--denoise", "--aov=depth"] {
+        let refused = run(nowhere.path(), &["render", "job.json", option]);
+        assert_eq!(refused.status.code(), Some(2), "{}", stderr(&refused));
+    }
+
     // Too few samples, and what contradicts itself.
     let folder = folder(&[("job.json", &job(output()).to_string())]);
     let few = run(folder.path(), &["render", "job.json", "--spp", "3", "--denoise"]);
