@@ -72,12 +72,12 @@ struct Halves {
 }
 
 impl Film {
-    /// The picture without most of its noise, channels [`DENOISED_CHANNELS`]: biased, by a fraction of the
-    /// noise that it removes. `None` below four samples a pixel, where that noise is not known.
+    /// The picture without most of its noise, channels [`DENOISED_CHANNELS`]: biased, it blurs what
+    /// noise hides. `None` below four samples a pixel, where that noise is not known.
     ///
-    /// Deterministic: a function of the film's sums. Pixels whose mean or variance is not known or
-    /// beyond 1e18, and those with a sample out of all proportion to their neighbours, keep their value and are no
-    /// part of others.
+    /// Deterministic: a function of the film's sums. Pixels whose mean or variance is not known,
+    /// those beyond 1e18, and those with a sample out of all proportion to their neighbours keep
+    /// their value and are no part of others. It takes some 145 bytes a pixel while it runs.
     pub fn denoised(&self) -> Option<Image> {
         if self.samples() < MIN_SAMPLES {
             return None;

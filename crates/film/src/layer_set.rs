@@ -79,7 +79,8 @@ impl LayerSet {
         FIRST_VALUES + self.sums
     }
 
-    /// Fills one value for each sum from a sample and what its path told; tells how many were not finite and are zero.
+    /// Fills one value for each sum from a sample and what its path told; tells how many were not
+    /// finite and are zero.
     pub(crate) fn take(
         &self,
         sample: &PixelSample,
